@@ -52,8 +52,11 @@ def main() -> int:
     said: defaultdict[str, Counter[str]] = defaultdict(Counter)
     languages: set[str] = set()
     for archive in (a for package in args.packages for a in _archives(package)):
-        tables = {match[1] or "en": _entries(archive.read(n).decode("latin-1"))
-                  for n in archive.namelist() if (match := _CATALOGUE.fullmatch(n))}  # fmt: skip
+        tables = {
+            match[1] or "en": _entries(archive.read(n).decode("latin-1"))
+            for n in archive.namelist()
+            if (match := _CATALOGUE.fullmatch(n))
+        }
         languages |= tables.keys()
         for number, entry in tables.get("en", {}).items():
             key = entry.get("id", "")

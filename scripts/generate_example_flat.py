@@ -21,15 +21,23 @@ _UP, _RIGHT, _DOWN, _LEFT = 0.0, math.pi / 2, math.pi, 3 * math.pi / 2  # where 
 _WIDE, _NARROW = 20.0, 10.0
 # start x, y, end x, y and thickness in cm
 _WALLS = (
-    (0, 0, 1040, 0, _WIDE), (1040, 0, 1040, 760, _WIDE), (1040, 760, 0, 760, _WIDE),
-    (0, 760, 0, 0, _WIDE), (0, 320, 1040, 320, _NARROW), (360, 0, 360, 320, _NARROW),
-    (560, 0, 560, 760, _NARROW), (760, 0, 760, 320, _NARROW),
-)  # fmt: skip
+    (0, 0, 1040, 0, _WIDE),
+    (1040, 0, 1040, 760, _WIDE),
+    (1040, 760, 0, 760, _WIDE),
+    (0, 760, 0, 0, _WIDE),
+    (0, 320, 1040, 320, _NARROW),
+    (360, 0, 360, 320, _NARROW),
+    (560, 0, 560, 760, _NARROW),
+    (760, 0, 760, 320, _NARROW),
+)
 _ROOMS = (
-    ("Küche", 10, 10, 355, 315), ("Flur", 365, 10, 555, 315), ("Bad", 565, 10, 755, 315),
-    ("Arbeitszimmer", 765, 10, 1030, 315), ("Wohnzimmer", 10, 325, 555, 750),
+    ("Küche", 10, 10, 355, 315),
+    ("Flur", 365, 10, 555, 315),
+    ("Bad", 565, 10, 755, 315),
+    ("Arbeitszimmer", 765, 10, 1030, 315),
+    ("Wohnzimmer", 10, 325, 555, 750),
     ("Schlafzimmer", 565, 325, 1030, 750),
-)  # fmt: skip
+)
 # x, y, angle, name, catalogId, width, depth, height, elevation
 _OPENINGS = (
     (360, 220, _RIGHT, "Tür", "eTeks#door", 91.5, 14.5, 208.5, 0),
@@ -42,7 +50,7 @@ _OPENINGS = (
     (900, 0, _UP, "Fenster", "eTeks#window85x123", 91, 34, 134, 87),
     (1040, 540, _RIGHT, "Doppelfenster", "eTeks#doubleWindow126x163", 132, 34, 174, 40),
     (280, 760, _DOWN, "Doppelfenster", "eTeks#doubleWindow126x163", 132, 34, 174, 40),
-)  # fmt: skip
+)
 _PIECES = (
     (45, 42, _UP, "Küchenschrank", "eTeks#kitchenCabinet", 60, 64, 85, 0),
     (120, 42, _UP, "Spüle", "eTeks#sink", 90, 64, 90, 0),
@@ -76,7 +84,7 @@ _PIECES = (
     (720, 357, _UP, "Kleiderschrank", "eTeks#wardrobe", 150, 60, 210, 0),
     (745, 720, _DOWN, "Wecker", "", 10, 8, 9, 50),
     (800, 540, _UP, "Deckenlampe", "eTeks#pendantLamp", 50, 50, 60, 190),
-)  # fmt: skip
+)
 _BENCH = (140, 735, _DOWN, "Sitzbank", "", 100, 28, 46, 0)
 _SASH = (
     "<sash xAxis='0.05464481' yAxis='0.5862069' width='0.89071035' startAngle='0.0' "
@@ -118,16 +126,19 @@ def _bench() -> str:
     """OBJ model of a bench with a low back; in the file, up is +y and the front +z."""
     rows = ["mtllib bench.mtl"]
     boxes = (
-        ("oak", (0, 0.36, 0), (1.0, 0.06, 0.28)), ("oak", (0, 0.45, -0.13), (1.0, 0.02, 0.02)),
+        ("oak", (0, 0.36, 0), (1.0, 0.06, 0.28)),
+        ("oak", (0, 0.45, -0.13), (1.0, 0.02, 0.02)),
         ("paint", (-0.45, 0.165, 0), (0.06, 0.33, 0.26)),
         ("paint", (0.45, 0.165, 0), (0.06, 0.33, 0.26)),
-    )  # fmt: skip
+    )
     faces = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     for n, (material, (cx, cy, cz), (w, h, d)) in enumerate(boxes):
         rows += [
             f"v {cx + sx * w / 2:.3f} {cy + sy * h / 2:.3f} {cz + sz * d / 2:.3f}"
-            for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)
-        ]  # fmt: skip
+            for sx in (-1, 1)
+            for sy in (-1, 1)
+            for sz in (-1, 1)
+        ]
         rows.append(f"usemtl {material}")
         rows += ["f " + " ".join(str(8 * n + i + 1) for i in face) for face in faces]
     return "\n".join([*rows, ""])
@@ -139,8 +150,10 @@ def example_flat() -> bytes:
     materials = "newmtl oak\nKd 0.72 0.53 0.35\nnewmtl paint\nKd 0.30 0.38 0.44\n"
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in (
-            ("Home.xml", home_xml()), ("1/bench.obj", _bench()), ("1/bench.mtl", materials),
-        ):  # fmt: skip
+            ("Home.xml", home_xml()),
+            ("1/bench.obj", _bench()),
+            ("1/bench.mtl", materials),
+        ):
             archive.writestr(zipfile.ZipInfo(name, (2026, 1, 1, 0, 0, 0)), text.encode())
     return buffer.getvalue()
 

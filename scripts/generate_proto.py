@@ -49,18 +49,32 @@ def generate(out: Path) -> None:
         raw.mkdir()
         full = Path(scratch) / "all.binpb"
         subprocess.run(
-            [sys.executable, "-m", "grpc_tools.protoc", f"--descriptor_set_in={base}",
-             f"--proto_path={PROTO_ROOT}", f"--descriptor_set_out={full}", *sources],
+            [
+                sys.executable,
+                "-m",
+                "grpc_tools.protoc",
+                f"--descriptor_set_in={base}",
+                f"--proto_path={PROTO_ROOT}",
+                f"--descriptor_set_out={full}",
+                *sources,
+            ],
             check=True,
-        )  # fmt: skip
+        )
         merged = descriptor_pb2.FileDescriptorSet.FromString(base.read_bytes())
         merged.MergeFromString(full.read_bytes())
         base.write_bytes(merged.SerializeToString())
         subprocess.run(
-            [sys.executable, "-m", "grpc_tools.protoc", f"--descriptor_set_in={base}",
-             f"--python_out={raw}", f"--pyi_out={raw}", *sources],
+            [
+                sys.executable,
+                "-m",
+                "grpc_tools.protoc",
+                f"--descriptor_set_in={base}",
+                f"--python_out={raw}",
+                f"--pyi_out={raw}",
+                *sources,
+            ],
             check=True,
-        )  # fmt: skip
+        )
         for path in sorted(raw.rglob("*_pb2.py*")):
             text = path.read_text()
             text = re.sub(r"from foxglove import", "from foxglove_schemas_protobuf import", text)

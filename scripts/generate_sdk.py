@@ -43,8 +43,11 @@ def generated() -> str:
     for command in (["check", "--select", "I", "--fix", "--quiet"], ["format"]):
         done = subprocess.run(
             [*ruff, *command, "--stdin-filename", str(TARGET), "-"],
-            input=text, capture_output=True, text=True, check=True,
-        )  # fmt: skip
+            input=text,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
         text = done.stdout
     return text
 

@@ -71,13 +71,16 @@ def tables() -> str:
     presets = distinct_presets()
     names = dict.fromkeys(name for preset in AGENT_SETTINGS.values() for name in preset)
     others = [name for name in names if name not in PRINTED_RULES]
-    return "\n".join([
-        _legend(presets),
-        "Rules that the paper does not have, or has otherwise:\n",
-        _table(PRINTED_RULES, presets),
-        "Other values that an agent has of its own; every other agent has Table 3 of the paper:\n",
-        _table(dict.fromkeys(others), presets),
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            _legend(presets),
+            "Rules that the paper does not have, or has otherwise:\n",
+            _table(PRINTED_RULES, presets),
+            "Other values that an agent has of its own; every other agent has Table 3 of the "
+            "paper:\n",
+            _table(dict.fromkeys(others), presets),
+        ]
+    )
 
 
 def distinct_presets() -> dict[str, list[str]]:
@@ -112,18 +115,23 @@ def _table(names: Mapping[str, object], presets: Mapping[str, list[str]]) -> str
         default = info.get_default(call_default_factory=True)
         unused = name in PRINTED_RULES and field not in THEIRS
         values = [
-            "–" if unused and head in TRUSTING
+            "–"
+            if unused and head in TRUSTING
             else code(_text(settings_for(head).get(name, default)))
             for head in presets
-        ]  # fmt: skip
+        ]
         rows.append([SAYS[name], code(field), *values, code(_text(default))])
     return table(("rule", "setting", *map(code, presets), OWN), rows)
 
 
 def _text(value: Value) -> str:
-    return str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(
-        value, float
-    ) else str(value)  # fmt: skip
+    return (
+        str(value).lower()
+        if isinstance(value, bool)
+        else f"{value:g}"
+        if isinstance(value, float)
+        else str(value)
+    )
 
 
 BLOCK = Block(DOCS / "reference/agents.md", "agents", "python -m scripts.page_of_agents", tables)

@@ -118,9 +118,14 @@ def _typed(kind: str, body: Schema) -> str:
 
 def _object(name: str, schema: Schema) -> str:
     words = schema.get("description", "")
-    return "\n".join([
-        f"({_label(name)})=", f"#### {name}\n", *([f"{words}\n"] if words else []), _fields(schema)
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            f"({_label(name)})=",
+            f"#### {name}\n",
+            *([f"{words}\n"] if words else []),
+            _fields(schema),
+        ]
+    )
 
 
 def _fields(schema: Schema) -> str:

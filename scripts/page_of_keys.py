@@ -31,9 +31,12 @@ def tables() -> str:
     )
     status = status_topic("<service>")
     of_status = (
-        code(status.name), code(status.type.DESCRIPTOR.name), code(status.qos.name), "the service",
+        code(status.name),
+        code(status.type.DESCRIPTOR.name),
+        code(status.qos.name),
+        "the service",
         _names(a for a in ACCESS if {ANY_STATUS, status_topic(FIRST)} & {*ACCESS[a].subscribes}),
-    )  # fmt: skip
+    )
     methods = (
         (
             code(f"{'truth: ' if m.truth else ''}{m.name}"),
@@ -43,15 +46,17 @@ def tables() -> str:
         )
         for m in METHODS
     )
-    return "\n".join([
-        "Data, below `helios/v1/<robot>/`. `recorder`, `operator` and `program` receive "
-        "everything:\n",
-        table(("data", "message", "quality of service", "from", "to"), (*data, of_status)),
-        "Methods, below `helios/v1/<robot>/svc/` (`truth`: `helios/v1/<robot>/truth/svc/`). The "
-        "first word is the service that answers; `robot` also answers `world/…`, without the "
-        "truth:\n",
-        table(("method", "request", "reply", "may call it"), (*methods, *_of_each_service())),
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            "Data, below `helios/v1/<robot>/`. `recorder`, `operator` and `program` receive "
+            "everything:\n",
+            table(("data", "message", "quality of service", "from", "to"), (*data, of_status)),
+            "Methods, below `helios/v1/<robot>/svc/` (`truth`: `helios/v1/<robot>/truth/svc/`). "
+            "The first word is the service that answers; `robot` also answers `world/…`, without "
+            "the truth:\n",
+            table(("method", "request", "reply", "may call it"), (*methods, *_of_each_service())),
+        ]
+    )
 
 
 def _of_each_service() -> Iterator[tuple[str, ...]]:
@@ -59,10 +64,11 @@ def _of_each_service() -> Iterator[tuple[str, ...]]:
     for of in (settings_method, spans_method):
         method = of("<service>")
         yield (
-            code(method.name), code(method.request.DESCRIPTOR.name),
+            code(method.name),
+            code(method.request.DESCRIPTOR.name),
             code(method.reply.DESCRIPTOR.name),
             _names(name for name, access in ACCESS.items() if of("objectmap") in access.calls),
-        )  # fmt: skip
+        )
 
 
 def _senders(topic: Topic) -> str:

@@ -62,11 +62,18 @@ def described() -> list[FileDescriptorProto]:
         base, full = Path(scratch) / "foxglove.binpb", Path(scratch) / "all.binpb"
         base.write_bytes(foxglove_descriptors().SerializeToString())
         subprocess.run(
-            [sys.executable, "-m", "grpc_tools.protoc", f"--descriptor_set_in={base}",
-             f"--proto_path={PROTO_ROOT}", "--include_source_info", f"--descriptor_set_out={full}",
-             *sources],
+            [
+                sys.executable,
+                "-m",
+                "grpc_tools.protoc",
+                f"--descriptor_set_in={base}",
+                f"--proto_path={PROTO_ROOT}",
+                "--include_source_info",
+                f"--descriptor_set_out={full}",
+                *sources,
+            ],
             check=True,
-        )  # fmt: skip
+        )
         files = {file.name: file for file in FileDescriptorSet.FromString(full.read_bytes()).file}
     return [files[source] for source in sources]
 

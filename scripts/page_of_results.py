@@ -175,11 +175,13 @@ def by_class(found: Sequence[Arm]) -> str:
     """Table of the whole tasks that succeeded, of how many, for each class of object."""
     classes = Counter(r.object_class for r in found[0].records)
     rows = [
-        [name, str(homes), *(
-            str(sum(r.success for r in arm.records if r.object_class == name)) for arm in found
-        )]
+        [
+            name,
+            str(homes),
+            *(str(sum(r.success for r in arm.records if r.object_class == name)) for arm in found),
+        ]
         for name, homes in classes.most_common()
-    ]  # fmt: skip
+    ]
     head = ["object", "homes", *(f"{_named(arm)} succeeds" for arm in found)]
     return table(head, rows)
 
@@ -246,16 +248,18 @@ def means(found: Sequence[Arm]) -> str:
     for arm in map(_present, found):
         success = values(arm.records, "SR")
         w = wilson(int(success.sum()), len(success))
-        rows.append([
-            _named(arm),
-            str(len(arm.records)),
-            *(_mean(arm, name) for name in shares),
-            f"**{_mean(arm, 'SR')}** ({100 * w.low:.1f} to {100 * w.high:.1f})",
-            *(_mean(arm, "SR", picks=most) for most in limits.values()),
-            *(_mean(arm, name) for name in rest),
-            _mean(arm, "collisions"),
-            _mean(arm, "steps", 0),
-        ])  # fmt: skip
+        rows.append(
+            [
+                _named(arm),
+                str(len(arm.records)),
+                *(_mean(arm, name) for name in shares),
+                f"**{_mean(arm, 'SR')}** ({100 * w.low:.1f} to {100 * w.high:.1f})",
+                *(_mean(arm, "SR", picks=most) for most in limits.values()),
+                *(_mean(arm, name) for name in rest),
+                _mean(arm, "collisions"),
+                _mean(arm, "steps", 0),
+            ]
+        )
     return table(head, rows)
 
 
@@ -297,10 +301,17 @@ def _answers(found: Sequence[Arm]) -> str:
         if row.group != group:
             group = row.group
             rows.append([f"*{group}*", *[""] * 6])
-        rows.append([
-            metric, first, second, f"{difference} {_plain(bounds)}", _plain(ratio), homes,
-            verdict.partition(":")[0],
-        ])  # fmt: skip
+        rows.append(
+            [
+                metric,
+                first,
+                second,
+                f"{difference} {_plain(bounds)}",
+                _plain(ratio),
+                homes,
+                verdict.partition(":")[0],
+            ]
+        )
     return table(["", "first, %", "second, %", "difference", "ratio", "homes", "so"], rows)
 
 
@@ -312,10 +323,15 @@ def relations() -> str:
     rows: list[list[str]] = []
     for row in compared.rows:
         claim, paper, ours, homes, verdict = row.cells
-        rows.append([
-            claim.text, f"{paper.text} ({paper.note})", f"{ours.text} {_plain(ours.note)}",
-            homes.text, verdict.text,
-        ])  # fmt: skip
+        rows.append(
+            [
+                claim.text,
+                f"{paper.text} ({paper.note})",
+                f"{ours.text} {_plain(ours.note)}",
+                homes.text,
+                verdict.text,
+            ]
+        )
     return table(["ratio of", "paper", "ours", "homes", "so"], rows)
 
 

@@ -34,9 +34,16 @@ SHOWN = {  # types as the page shows them
     "pb.Frame | None": "`pb.Frame` or None",
 }
 MORE_UNITS = {
-    "T_world_cam": "m", "T_world_base": "m", "fx": "px", "fy": "px", "cx": "px", "cy": "px",
-    "width": "px", "height": "px", "color": "0 to 255",
-}  # fmt: skip
+    "T_world_cam": "m",
+    "T_world_base": "m",
+    "fx": "px",
+    "fy": "px",
+    "cx": "px",
+    "cy": "px",
+    "width": "px",
+    "height": "px",
+    "color": "0 to 255",
+}
 
 MEANING: dict[type, dict[str, str]] = {
     Forward: {"distance_m": "drive straight ahead; below 0 straight back, at most `max_back_m`"},
@@ -120,7 +127,7 @@ MEANING: dict[type, dict[str, str]] = {
         "width": "of the image",
         "height": "of the image",
     },
-}  # fmt: skip
+}
 
 
 def section() -> str:

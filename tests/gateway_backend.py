@@ -111,9 +111,15 @@ class Backend(MadeUpTasks):
             ],
             images=3,
         ))  # fmt: skip
-        serve(VOCABULARY, lambda _: pb.VocabularyReply(
-            open=False, names=["bowl", "coffee table", "kitchen counter", "mug", "sofa"],
-            detector="simulated", scorer="words"))  # fmt: skip
+        serve(
+            VOCABULARY,
+            lambda _: pb.VocabularyReply(
+                open=False,
+                names=["bowl", "coffee table", "kitchen counter", "mug", "sofa"],
+                detector="simulated",
+                scorer="words",
+            ),
+        )
         for pid, name in enumerate(SERVICES, start=4100):
             self.alive(name, pid)
         self.supervise()
@@ -130,24 +136,40 @@ class Backend(MadeUpTasks):
 
     def report(self, name: str, pid: int, state: str, reason: str = "") -> None:
         status = pb.ServiceStatus(
-            service=name, instance=f"{pid}-test", state=state, reason=reason, pid=pid,
-            uptime_s=61.0, metrics={"update_ms_median": 2.5},
-        )  # fmt: skip
+            service=name,
+            instance=f"{pid}-test",
+            state=state,
+            reason=reason,
+            pid=pid,
+            uptime_s=61.0,
+            metrics={"update_ms_median": 2.5},
+        )
         self.bus.publish(status_topic(name), status)
 
     def supervise(self, **restarts: int) -> None:
         names = ("router", *SERVICES, "gateway")
-        self.bus.publish(SUPERVISOR, pb.SupervisorStatus(processes=[
-            pb.ProcessStatus(name=n, pid=4099 + i, restarts=restarts.get(n, 0), state="running")
-            for i, n in enumerate(names)
-        ]))  # fmt: skip
+        self.bus.publish(
+            SUPERVISOR,
+            pb.SupervisorStatus(
+                processes=[
+                    pb.ProcessStatus(
+                        name=n, pid=4099 + i, restarts=restarts.get(n, 0), state="running"
+                    )
+                    for i, n in enumerate(names)
+                ]
+            ),
+        )
 
     def publish_robot(self) -> None:
         state = RobotState(
-            T_world_base=se2_to_se3(*self.pose), moving=True, stopped=self.stopped,
-            robot_boot_id="boot", last_seq=self.seq, message=self.stop_reason,
+            T_world_base=se2_to_se3(*self.pose),
+            moving=True,
+            stopped=self.stopped,
+            robot_boot_id="boot",
+            last_seq=self.seq,
+            message=self.stop_reason,
             battery=self.battery,
-        )  # fmt: skip
+        )
         self.bus.publish(ROBOT_STATE, state_to_proto(state))
 
     def publish_frame(self, color: NDArray[np.uint8] | None = None) -> pb.Frame:
@@ -156,35 +178,53 @@ class Backend(MadeUpTasks):
         if color is None:
             rows, columns = np.mgrid[0:480, 0:640]
             color = np.stack([rows // 2, columns // 3, (rows + columns) // 5], -1).astype(np.uint8)
-        frame = frame_to_proto(Frame(
-            id=FrameId("boot", 0, self.seq), stamp_ns=self.seq * 10**8, keyframe=True,
-            color=color, depth_m=np.full((480, 640), 2.0, np.float32), camera=CAMERA,
-            T_world_cam=se2_to_se3(*self.pose), T_world_base=se2_to_se3(*self.pose),
-        ))  # fmt: skip
+        frame = frame_to_proto(
+            Frame(
+                id=FrameId("boot", 0, self.seq),
+                stamp_ns=self.seq * 10**8,
+                keyframe=True,
+                color=color,
+                depth_m=np.full((480, 640), 2.0, np.float32),
+                camera=CAMERA,
+                T_world_cam=se2_to_se3(*self.pose),
+                T_world_base=se2_to_se3(*self.pose),
+            )
+        )
         self.bus.publish(KEYFRAME, frame)
         return frame
 
     def publish_observation(self, frame: pb.Frame) -> None:
         """Publish the detections in the frame: a mug at pixels (200, 150) to (280, 240)."""
         mask = pb.Mask(x=200, y=150, width=80, height=90, bits=bytes(900))
-        self.bus.publish(OBSERVATION, pb.Observation(
-            frame=frame, context_id="c1",
-            detections=[pb.Detection(class_name="mug", score=0.83, mask=mask)],
-        ))  # fmt: skip
+        self.bus.publish(
+            OBSERVATION,
+            pb.Observation(
+                frame=frame,
+                context_id="c1",
+                detections=[pb.Detection(class_name="mug", score=0.83, mask=mask)],
+            ),
+        )
 
     def change_map(self) -> None:
         self.map_version += 1
-        self.bus.publish(MAP2D_ACK, pb.Ack(service="map2d", part="occupancy", accepted=True,
-                                           version=self.map_version))  # fmt: skip
+        self.bus.publish(
+            MAP2D_ACK,
+            pb.Ack(service="map2d", part="occupancy", accepted=True, version=self.map_version),
+        )
 
     def change_objects(self) -> None:
         self.bus.publish(OBJECTMAP_ACK, pb.Ack(service="objectmap", part="objects", accepted=True))
 
     def publish_plan(self) -> None:
-        self.bus.publish(PLAN, pb.Plan(
-            task_id="t1", path_m=[3.1, 2.2, 2.9, 2.5, 2.6, 2.4, 2.45, 2.0],
-            goal=pb.Pose2(x_m=2.45, y_m=2.0, yaw_rad=-2.5), purpose="to a gaze point of mug 1",
-        ))  # fmt: skip
+        self.bus.publish(
+            PLAN,
+            pb.Plan(
+                task_id="t1",
+                path_m=[3.1, 2.2, 2.9, 2.5, 2.6, 2.4, 2.45, 2.0],
+                goal=pb.Pose2(x_m=2.45, y_m=2.0, yaw_rad=-2.5),
+                purpose="to a gaze point of mug 1",
+            ),
+        )
 
     def reset(self) -> None:
         """Clear the stop and set every task to queued."""
@@ -230,13 +270,15 @@ class Backend(MadeUpTasks):
         found = self._found(request.object_id)
         scores = [found.score * share for share in (0.3, 0.5, 0.45, 0.8, 1.0)]
         return pb.ObjectDetail(
-            object=found, box_center_m=found.center_m, box_size_m=found.size_m,
+            object=found,
+            box_center_m=found.center_m,
+            box_size_m=found.size_m,
             points_m=[1.0, 2.0, 0.5, 1.1, 2.0, 0.5],
             history=[
                 pb.Moment(stamp_ns=i * 10**9, views=i + 1, score=score, class_score=score + 0.05)
                 for i, score in enumerate(scores)
             ],
-        )  # fmt: skip
+        )
 
     def _export(self, request: pb.ExportRequest) -> pb.ExportReply:
         if request.object_id:

@@ -12,14 +12,25 @@ from helios_core import proto as pb
 
 CELL_M = 0.05
 WALLS_M = (  # x0, y0, x1, y1
-    (0, 0, 9, 0.1), (0, 6.9, 9, 7), (0, 0, 0.1, 7), (8.9, 0, 9, 7),
-    (4.4, 0, 4.5, 2.4), (4.4, 3.4, 4.5, 7), (0, 3.8, 1.6, 3.9), (2.6, 3.8, 4.5, 3.9),
-    (4.5, 3.8, 6.2, 3.9), (7.2, 3.8, 9, 3.9),
-)  # fmt: skip
+    (0, 0, 9, 0.1),
+    (0, 6.9, 9, 7),
+    (0, 0, 0.1, 7),
+    (8.9, 0, 9, 7),
+    (4.4, 0, 4.5, 2.4),
+    (4.4, 3.4, 4.5, 7),
+    (0, 3.8, 1.6, 3.9),
+    (2.6, 3.8, 4.5, 3.9),
+    (4.5, 3.8, 6.2, 3.9),
+    (7.2, 3.8, 9, 3.9),
+)
 FURNITURE_M = (
-    (1.2, 1.2, 2.2, 1.8), (0.1, 0.8, 0.9, 2.4), (6.0, 0.1, 8.9, 0.7), (6.2, 1.9, 7.6, 2.9),
-    (0.4, 5.0, 2.4, 6.9), (7.6, 5.2, 8.9, 6.0),
-)  # fmt: skip
+    (1.2, 1.2, 2.2, 1.8),
+    (0.1, 0.8, 0.9, 2.4),
+    (6.0, 0.1, 8.9, 0.7),
+    (6.2, 1.9, 7.6, 2.9),
+    (0.4, 5.0, 2.4, 6.9),
+    (7.6, 5.2, 8.9, 6.0),
+)
 
 
 def gaussians(found: Sequence[pb.ObjectInstance]) -> pb.GaussiansReply:
@@ -37,12 +48,15 @@ def gaussians(found: Sequence[pb.ObjectInstance]) -> pb.GaussiansReply:
     n = len(instances)
     shades = rng.integers(60, 220, (n, 3))
     return pb.GaussiansReply(
-        count=n, means_m=np.concatenate(means).astype("<f4").tobytes(),
-        scales_m=np.full(n, 0.02, "<f4").tobytes(), colors=shades.astype(np.uint8).tobytes(),
-        instances=np.array(instances, "<u4").tobytes(), class_names=names,
+        count=n,
+        means_m=np.concatenate(means).astype("<f4").tobytes(),
+        scales_m=np.full(n, 0.02, "<f4").tobytes(),
+        colors=shades.astype(np.uint8).tobytes(),
+        instances=np.array(instances, "<u4").tobytes(),
+        class_names=names,
         concentration=np.concatenate(concentrations).astype("<f4").tobytes(),
         opacities=np.full(n, 0.9, "<f4").tobytes(),
-    )  # fmt: skip
+    )
 
 
 def picture_jpeg(tone: int) -> bytes:
@@ -91,19 +105,31 @@ def decision(index: int) -> pb.Decision:
     ]
     candidates = [
         pb.Candidate(
-            kind=kind, name=name, position_m=pb.Vector3(x=x, y=y), chosen=chosen,
-            terms={"class_score": score, "information_gain": score * 0.4, "distance_m": far,
-                   "total": total},
+            kind=kind,
+            name=name,
+            position_m=pb.Vector3(x=x, y=y),
+            chosen=chosen,
+            terms={
+                "class_score": score,
+                "information_gain": score * 0.4,
+                "distance_m": far,
+                "total": total,
+            },
         )
         for kind, name, (x, y), score, total, far, chosen in rows
-    ]  # fmt: skip
+    ]
     return pb.Decision(
-        task_id="t1", index=index, phase="find_object", rule="global_search (eq. 10)",
-        candidates=candidates, made_s=1.8e9 + index, context_id="c1",
+        task_id="t1",
+        index=index,
+        phase="find_object",
+        rule="global_search (eq. 10)",
+        candidates=candidates,
+        made_s=1.8e9 + index,
+        context_id="c1",
         why="coffee table 2 is likely one and may hold the mug: total 0.74 against 0.42 of "
         "frontier 12",
         settings={"alpha_cs": 1.0, "alpha_d": 0.001},
-    )  # fmt: skip
+    )
 
 
 def snapshot(version: int, pose: tuple[float, float, float]) -> pb.MapSnapshot:

@@ -42,9 +42,12 @@ def served(*flags: str, port: int = 0, backend: Backend | None = None) -> Iterat
         hub = backend.hub
     listener = bind("127.0.0.1", port)
     gateway = Gateway(
-        MemoryBus(hub), Health(), Settings.load([*QUICK, *flags]), listener,
+        MemoryBus(hub),
+        Health(),
+        Settings.load([*QUICK, *flags]),
+        listener,
         lambda name: MemoryBus(hub, name),
-    )  # fmt: skip
+    )
     try:
         yield Served(listener.getsockname()[1], backend, gateway)
     finally:

@@ -82,9 +82,12 @@ def started(
     log.parent.mkdir(parents=True, exist_ok=True)
     with log.open("wb") as out:
         process = subprocess.Popen(
-            argv, stdout=out, stderr=subprocess.STDOUT, cwd=cwd,
+            argv,
+            stdout=out,
+            stderr=subprocess.STDOUT,
+            cwd=cwd,
             env=os.environ | dict(environment) | {MARK: mark},
-        )  # fmt: skip
+        )
     try:
         yield process
     except BaseException:

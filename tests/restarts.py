@@ -106,6 +106,10 @@ def restarted(
     assert started_s is not None
     at_s = {what: t - killed_s for what, t in witness.at_s.items()}
     return Restart(
-        started_s - killed_s, at_s["imported"], at_s.get("ready", at_s["acted"]), at_s["acted"],
-        witness.cpu_s["imported"], witness.cpu_s["acted"],
-    )  # fmt: skip
+        started_s - killed_s,
+        at_s["imported"],
+        at_s.get("ready", at_s["acted"]),
+        at_s["acted"],
+        witness.cpu_s["imported"],
+        witness.cpu_s["acted"],
+    )

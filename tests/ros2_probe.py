@@ -39,9 +39,11 @@ def listen(node: Node, seconds: str, *topics: str) -> dict[str, Any]:
     for topic in topics:
         name, kind, *volatile = topic.split("=")
         node.create_subscription(
-            kind_of(kind), name, lambda m, name=name: got.__setitem__(name, summary(m)),
+            kind_of(kind),
+            name,
+            lambda m, name=name: got.__setitem__(name, summary(m)),
             10 if volatile else KEPT,
-        )  # fmt: skip
+        )
     end_s = time.monotonic() + float(seconds)
     while len(got) < len(topics) and time.monotonic() < end_s:
         rclpy.spin_once(node, timeout_sec=0.1)
@@ -100,9 +102,12 @@ def do_task(node: Node, instruction: str, cancel: bool = False) -> dict[str, Any
     rclpy.spin_until_future_complete(node, ended, timeout_sec=3 * WITHIN_S)
     result = ended.result().result
     return {
-        "status": ended.result().status, "state": result.state, "message": result.message,
-        "succeeded": result.succeeded, "phases": sorted(set(phases)),
-    }  # fmt: skip
+        "status": ended.result().status,
+        "state": result.state,
+        "message": result.message,
+        "succeeded": result.succeeded,
+        "phases": sorted(set(phases)),
+    }
 
 
 def cancel_task(node: Node, instruction: str) -> dict[str, Any]:
@@ -116,9 +121,11 @@ def stop_drive(node: Node) -> dict[str, Any]:
     assert client.wait_for_service(timeout_sec=WITHIN_S)
     speeds: list[float] = []
     node.create_subscription(
-        kind_of("geometry_msgs/msg/Twist"), "/cmd_vel",
-        lambda m: speeds.append(abs(m.linear.x) + abs(m.angular.z)), 50,
-    )  # fmt: skip
+        kind_of("geometry_msgs/msg/Twist"),
+        "/cmd_vel",
+        lambda m: speeds.append(abs(m.linear.x) + abs(m.angular.z)),
+        50,
+    )
     _spin_until(node, lambda: bool(speeds) and speeds[-1] > 0)
     asked_s = time.monotonic()
     answer = client.call_async(trigger.Request())
@@ -128,9 +135,10 @@ def stop_drive(node: Node) -> dict[str, Any]:
     count = len(speeds)
     _spin_until(node, lambda: time.monotonic() > asked_s + 1.0)
     return {
-        "success": answer.result().success, "seconds": round(stood_s, 4),
+        "success": answer.result().success,
+        "seconds": round(stood_s, 4),
         "drove_on": any(speed > 0 for speed in speeds[count:]),
-    }  # fmt: skip
+    }
 
 
 def _spin_until(node: Node, is_true: Callable[[], bool]) -> None:

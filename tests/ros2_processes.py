@@ -29,9 +29,10 @@ needs_ros2 = pytest.mark.skipif(
 def has_interfaces(*packages: str) -> bool:
     """Return whether `.venv-ros2` has these interface packages."""
     code = f"import {', '.join(packages)}"
-    return PYTHON.exists() and subprocess.run(
-        [PYTHON, "-c", code], capture_output=True, check=False
-    ).returncode == 0  # fmt: skip
+    return (
+        PYTHON.exists()
+        and subprocess.run([PYTHON, "-c", code], capture_output=True, check=False).returncode == 0
+    )
 
 
 def needs_interfaces(*packages: str) -> pytest.MarkDecorator:
@@ -82,9 +83,14 @@ def in_ros(
 ) -> subprocess.CompletedProcess[str]:
     """Run `python -m …` with ROS 2 to its end."""
     return subprocess.run(
-        [str(PYTHON), "-m", *argv], env=os.environ | ros_environment(domain, settings), cwd=ROOT,
-        capture_output=True, text=True, timeout=timeout_s, check=False,
-    )  # fmt: skip
+        [str(PYTHON), "-m", *argv],
+        env=os.environ | ros_environment(domain, settings),
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=timeout_s,
+        check=False,
+    )
 
 
 def probe(domain: int, *argv: str, timeout_s: float = 120) -> Any:

@@ -55,9 +55,10 @@ def settings_of(module: str) -> type[ServiceSettings]:
     """Return the settings class that the package of a service declares."""
     declared = vars(importlib.import_module(f"{module}.settings")).values()
     [own] = (
-        d for d in declared
+        d
+        for d in declared
         if isinstance(d, type) and issubclass(d, ServiceSettings) and d is not ServiceSettings
-    )  # fmt: skip
+    )
     return own
 
 

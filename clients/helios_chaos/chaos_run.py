@@ -102,9 +102,13 @@ def _play(stack: Stack, plan: ChaosPlan, kinds: tuple[Kind, ...], say: Say) -> C
         tasks = _with_unknown(player.played, helios)
         truth = bus.call(TRUTH_OBJECTS, pb.Empty(), ANSWERS_WITHIN_S)
         return ChaosResult(
-            minutes, plan.seed, tasks, faults, witness.between_actions_s(),
+            minutes,
+            plan.seed,
+            tasks,
+            faults,
+            witness.between_actions_s(),
             _patient_map_faults(helios, truth),
-        )  # fmt: skip
+        )
     finally:
         witness.close()
         chain.close()
@@ -139,9 +143,15 @@ def _play_fault(
         if driving:
             still_s = round(min(float(drive[-1, 0]), may_drive_s()) - began_s, 3)
     return PlayedFault(
-        round(began_s - run_began_s, 2), fault.kind, fault.target, round(ended_s - began_s, 2),
-        fault.size, None if acted_s is None else round(acted_s - ended_s, 3), still_s, driving,
-    )  # fmt: skip
+        round(began_s - run_began_s, 2),
+        fault.kind,
+        fault.target,
+        round(ended_s - began_s, 2),
+        fault.size,
+        None if acted_s is None else round(acted_s - ended_s, 3),
+        still_s,
+        driving,
+    )
 
 
 def _with_unknown(played: list[PlayedTask], helios: Helios) -> list[PlayedTask]:

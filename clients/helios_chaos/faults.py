@@ -102,8 +102,12 @@ class Injector:
 def must_stand(fault: Fault) -> bool:
     """True for a fault without whose target the robot must not drive on."""
     return fault.target in DRIVES and fault.kind in (
-        "kill", "freeze", "cut", "hold", "restart_router"
-    )  # fmt: skip
+        "kill",
+        "freeze",
+        "cut",
+        "hold",
+        "restart_router",
+    )
 
 
 def fill(folder: Path) -> Path:

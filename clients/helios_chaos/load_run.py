@@ -97,10 +97,15 @@ class LoadResult:
 
     def as_json(self) -> dict[str, Any]:
         return {
-            "machine": machine(), "commit": commit(), "stream_hz": float(STREAM_HZ),
-            "without": vars(self.without), "loaded": vars(self.loaded), "ratios": self.ratios(),
-            "passed": not self.misses(), "misses": self.misses(),
-        }  # fmt: skip
+            "machine": machine(),
+            "commit": commit(),
+            "stream_hz": float(STREAM_HZ),
+            "without": vars(self.without),
+            "loaded": vars(self.loaded),
+            "ratios": self.ratios(),
+            "passed": not self.misses(),
+            "misses": self.misses(),
+        }
 
 
 def run_load(seed: int, out: Path, say: Say) -> LoadResult:
@@ -155,10 +160,14 @@ def _instructions(stack: Stack) -> list[str]:
         bus.close()
     things = sorted({one.class_name for one in truth.instances if one.graspable})
     places = sorted({one.class_name for one in truth.instances if not one.graspable})
-    kinds = itertools.cycle((
-        lambda n: "explore", lambda n: "go home", lambda n: f"Find the {things[n % len(things)]}",
-        lambda n: f"Go to the {places[n % len(places)]}",
-    ))  # fmt: skip
+    kinds = itertools.cycle(
+        (
+            lambda n: "explore",
+            lambda n: "go home",
+            lambda n: f"Find the {things[n % len(things)]}",
+            lambda n: f"Go to the {places[n % len(places)]}",
+        )
+    )
     return [kind(n) for n, kind in zip(range(TASKS), kinds, strict=False)]
 
 

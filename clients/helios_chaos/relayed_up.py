@@ -18,8 +18,13 @@ from helios_client.supervision.service_specs import StackOptions
 from helios_client.supervision.up import Screen, up
 
 OWN_SHARED_MEMORY = (
-    "unshare", "--mount", "sh", "-c", 'mount -t tmpfs tmpfs /dev/shm && exec "$@"', "sh"
-)  # fmt: skip
+    "unshare",
+    "--mount",
+    "sh",
+    "-c",
+    'mount -t tmpfs tmpfs /dev/shm && exec "$@"',
+    "sh",
+)
 
 
 @dataclass(frozen=True)

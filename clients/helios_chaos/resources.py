@@ -71,9 +71,12 @@ class ResourceLog:
         at_s = round(time.monotonic() - self._began_s, 2)
         state_mb = folder_mb(self._stack.state_dir)
         asks: dict[str, Callable[[], object]] = {
-            "gateway": helios.status, "map2d": helios.frontiers, "objectmap": helios.objects,
-            "planner": helios.tasks, "bridge": helios.robot,
-        }  # fmt: skip
+            "gateway": helios.status,
+            "map2d": helios.frontiers,
+            "objectmap": helios.objects,
+            "planner": helios.tasks,
+            "bridge": helios.robot,
+        }
         out = []
         for service in ("supervisor", "fork server", *MODULES):
             with suppress(psutil.Error):

@@ -50,9 +50,12 @@ def schedule(seed: int, kinds: Sequence[Kind] = KINDS, most_s: float = 15.0) -> 
             low_s, high_s = _range_s(kind)
             lasts_s = min(random_.uniform(low_s, high_s), most_s)
             yield Fault(
-                kind, next(targets[kind]), round(lasts_s, 2), _size(kind, random_, jumps),
+                kind,
+                next(targets[kind]),
+                round(lasts_s, 2),
+                _size(kind, random_, jumps),
                 round(random_.uniform(*REST_S), 2),
-            )  # fmt: skip
+            )
 
 
 def _targets(kind: Kind) -> Sequence[str]:
@@ -72,9 +75,13 @@ def _targets(kind: Kind) -> Sequence[str]:
 
 def _range_s(kind: Kind) -> tuple[float, float]:
     ranges: dict[Kind, tuple[float, float]] = {
-        "freeze": FREEZE_S, "cut": CUT_S, "hold": HOLD_S, "slow": SLOW_S, "rate": RATE_S,
+        "freeze": FREEZE_S,
+        "cut": CUT_S,
+        "hold": HOLD_S,
+        "slow": SLOW_S,
+        "rate": RATE_S,
         "disk": DISK_S,
-    }  # fmt: skip
+    }
     return ranges.get(kind, (0.0, 0.0))
 
 

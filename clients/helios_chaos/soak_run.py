@@ -67,12 +67,17 @@ class SoakResult:
     def as_json(self) -> dict[str, Any]:
         ends = [task.state for task in self.tasks]
         return {
-            "machine": machine(), "commit": commit(), "hours": round(self.hours, 3),
-            "tasks": len(ends), "succeeded": ends.count("succeeded"),
-            "lost": sum(task.lost for task in self.tasks), "state_mb": self.state_mb,
+            "machine": machine(),
+            "commit": commit(),
+            "hours": round(self.hours, 3),
+            "tasks": len(ends),
+            "succeeded": ends.count("succeeded"),
+            "lost": sum(task.lost for task in self.tasks),
+            "state_mb": self.state_mb,
             "services": {name: vars(g) for name, g in self.services.items()},
-            "passed": not self.misses(), "misses": self.misses(),
-        }  # fmt: skip
+            "passed": not self.misses(),
+            "misses": self.misses(),
+        }
 
 
 def run_soak(hours: float, seed: int, out: Path, say: Say) -> SoakResult:
@@ -86,9 +91,11 @@ def run_soak(hours: float, seed: int, out: Path, say: Say) -> SoakResult:
         tasks = _play(stack, seed, hours * 3600.0, log, say)
         samples = log.close()
     result = SoakResult(
-        (time.monotonic() - began_s) / 3600, growths(samples),
-        max((s.state_mb for s in samples), default=0.0), tasks,
-    )  # fmt: skip
+        (time.monotonic() - began_s) / 3600,
+        growths(samples),
+        max((s.state_mb for s in samples), default=0.0),
+        tasks,
+    )
     from helios_chaos.soak_plot import plot  # needs the extra `eval`
 
     plot(samples, out / "soak.png")

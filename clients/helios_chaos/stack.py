@@ -32,10 +32,15 @@ DISK_MB = 96
 MARK = "HELIOS_CHAOS_MARK"  # in the environment of every process of a run
 PACE = "1"  # drives take as long as on a real robot
 MODULES = {
-    "router": "helios_core.router", "world": "helios_sim", "bridge": "helios_bridge",
-    "detector": "helios_detector", "objectmap": "helios_objectmap", "map2d": "helios_map2d",
-    "planner": "helios_planner", "gateway": "helios_gateway",
-}  # fmt: skip
+    "router": "helios_core.router",
+    "world": "helios_sim",
+    "bridge": "helios_bridge",
+    "detector": "helios_detector",
+    "objectmap": "helios_objectmap",
+    "map2d": "helios_map2d",
+    "planner": "helios_planner",
+    "gateway": "helios_gateway",
+}
 
 
 @dataclass(frozen=True)
@@ -116,11 +121,17 @@ def running_stack(plan: StackPlan) -> Iterator[tuple[Stack, list[int]]]:
         mount_small_disk(state, DISK_MB)
     links = {name: Relay(("127.0.0.1", router_port), plan.seed + n) for n, name in enumerate(LINKS)}
     options = {
-        "robot": "sim", "router_port": router_port, "state_dir": str(state), "port": port,
-        "seed": plan.seed, "preset": plan.preset, "detector": plan.detector,
-        "links": {name: relay.port for name, relay in links.items()}, "own_memory": plan.own_memory,
+        "robot": "sim",
+        "router_port": router_port,
+        "state_dir": str(state),
+        "port": port,
+        "seed": plan.seed,
+        "preset": plan.preset,
+        "detector": plan.detector,
+        "links": {name: relay.port for name, relay in links.items()},
+        "own_memory": plan.own_memory,
         "forked": plan.forked,
-    }  # fmt: skip
+    }
     environment = os.environ | {MARK: mark, "HELIOS_WORLD_PACE": PACE} | plan.environment
     clock = WallClock(plan.out / "clock") if plan.clock else None
     if clock is not None:

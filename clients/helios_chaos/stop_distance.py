@@ -71,17 +71,22 @@ class StopResult:
 
     def as_json(self) -> dict[str, Any]:
         return {
-            "machine": machine(), "commit": commit(), "seed": self.seed, "pace": float(PACE),
+            "machine": machine(),
+            "commit": commit(),
+            "seed": self.seed,
+            "pace": float(PACE),
             "causes": [
                 {
-                    "cause": cause, "trials": len(trials),
+                    "cause": cause,
+                    "trials": len(trials),
                     "metres": percentiles([t.metres for t in trials], 50, 99),
                     "seconds": percentiles([t.seconds for t in trials], 50, 99),
                 }
                 for cause, trials in self.trials.items()
             ],
-            "latch": self.latch, "unconfirmed": self.unconfirmed,
-        }  # fmt: skip
+            "latch": self.latch,
+            "unconfirmed": self.unconfirmed,
+        }
 
 
 def run_stop_distance(
@@ -101,9 +106,11 @@ def run_stop_distance(
             player = TaskPlayer(helios, bus, seed)
             player.start()
             for cause, happen in (
-                ("stop", scene.ask_to_stop), ("planner", scene.lose_planner),
-                ("bridge link", scene.lose_bridge_link), ("router", scene.lose_router),
-            ):  # fmt: skip
+                ("stop", scene.ask_to_stop),
+                ("planner", scene.lose_planner),
+                ("bridge link", scene.lose_bridge_link),
+                ("router", scene.lose_router),
+            ):
                 scene.measure(cause, trials, happen, result, say)
             result.latch = scene.latch(say)
             result.unconfirmed = scene.unconfirmed(say)

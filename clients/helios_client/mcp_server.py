@@ -40,7 +40,8 @@ def build(helios: AsyncHelios) -> MCPServer:
     for group in (TaskTools(helios), MapTools(helios), RobotTools(helios)):
         for tool in group:
             server.tool(
-                title=tool.title, description=tool.description,
+                title=tool.title,
+                description=tool.description,
                 annotations=tool.effect.hints(tool.title),
-            )(tool.call)  # fmt: skip
+            )(tool.call)
     return server

@@ -86,9 +86,9 @@ class Helios:
         """Queue a task, with a limit on steps and on seconds. Queued tasks with a higher priority
         (-100 to 100) start first. `settings`: planner settings for this task alone, such as
         alpha_d. Raises InvalidInput if the instruction cannot be understood."""
-        return self._do(requests.submit(
-            instruction, max_steps, agent, time_limit_s, priority, settings
-        ))  # fmt: skip
+        return self._do(
+            requests.submit(instruction, max_steps, agent, time_limit_s, priority, settings)
+        )
 
     def go(self, x_m: float, y_m: float, yaw_rad: float | None = None) -> Task:
         """Queue a task that drives to a point (world frame, metres) and turns to `yaw_rad` there

@@ -72,9 +72,10 @@ def _parser() -> argparse.ArgumentParser:
     robots.add_argument("--tolerance-rad", type=float, default=Rig.tolerance_rad)
     robots.add_argument("--depth-tolerance-m", type=float, default=Rig.depth_tolerance_m)
     robots.add_argument(
-        "--start-twice", action="store_true",
+        "--start-twice",
+        action="store_true",
         help="create a second driver beside the first and check that it names the same origin",
-    )  # fmt: skip
+    )
     models = parser.add_argument_group("options for a detector or a scorer")
     models.add_argument(
         "--classes",
@@ -82,9 +83,13 @@ def _parser() -> argparse.ArgumentParser:
         help="class names to request, separated by commas  [default: from its vocabulary]",
     )
     models.add_argument(
-        "--image", action="append", default=[], type=Path, metavar="FILE",
+        "--image",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE",
         help="image in which the detector finds one of the classes; repeatable",
-    )  # fmt: skip
+    )
     models.add_argument(
         "--random", action="store_true", help="allow different results for the same frame"
     )
@@ -117,9 +122,13 @@ def _choose(args: argparse.Namespace) -> str:
 
     command_line_choice.rig = Rig(
         load_driver(settings, MemoryBus(MemoryHub())),
-        args.forward_m, args.turn_rad, args.tolerance_m, args.tolerance_rad,
-        args.depth_tolerance_m, started_again=start if args.start_twice else None,
-    ).ready()  # fmt: skip
+        args.forward_m,
+        args.turn_rad,
+        args.tolerance_m,
+        args.tolerance_rad,
+        args.depth_tolerance_m,
+        started_again=start if args.start_twice else None,
+    ).ready()
     return "chosen_driver.py"
 
 

@@ -28,9 +28,15 @@ def room(yaw_rad: float = 0.0, seq: int = 1) -> Frame:
     T_world_cam = camera_on_base(T_world_base, CAMERA_HEIGHT_M, 0.4)
     color, depth_m = look(CAMERA, T_world_cam)
     return Frame(
-        FrameId("contract", 0, seq), seq * 10**9, True, color, depth_m, CAMERA, T_world_cam,
+        FrameId("contract", 0, seq),
+        seq * 10**9,
+        True,
+        color,
+        depth_m,
+        CAMERA,
+        T_world_cam,
         T_world_base,
-    )  # fmt: skip
+    )
 
 
 def plain(value: int) -> Frame:
@@ -75,9 +81,12 @@ def views(pictures: Sequence[np.ndarray]) -> list[Frame]:
 def odd() -> dict[str, Frame]:
     """Unusual frames by name."""
     return {
-        "black": plain(0), "grey": plain(128), "white": plain(255), "tiny": tiny(),
+        "black": plain(0),
+        "grey": plain(128),
+        "white": plain(255),
+        "tiny": tiny(),
         "without depth": without_depth(),
-    }  # fmt: skip
+    }
 
 
 def searching(names: Sequence[str], threshold: float = 0.05) -> SearchContext:

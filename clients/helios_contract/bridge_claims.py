@@ -42,9 +42,11 @@ class Host:
         self, token: int, action: Action, id: str = "", left_s: float = CALL_S
     ) -> pb.ActionResult:
         request = pb.ActionRequest(
-            action_id=id or uuid.uuid4().hex, lease_token=token, time_remaining_s=left_s,
+            action_id=id or uuid.uuid4().hex,
+            lease_token=token,
+            time_remaining_s=left_s,
             action=action_to_proto(action),
-        )  # fmt: skip
+        )
         return self._bus.call(ACT, request, CALL_S)
 
     def stop(self, reason: str) -> None:

@@ -149,9 +149,11 @@ def _agreeing(before: Capture, now: Capture, rig: Rig) -> float:
     column, row = np.rint(uv).astype(int).T
     inside = (
         (depth_m > 0.1)
-        & (column >= 0) & (column < now.camera.width)
-        & (row >= 0) & (row < now.camera.height)
-    )  # fmt: skip
+        & (column >= 0)
+        & (column < now.camera.width)
+        & (row >= 0)
+        & (row < now.camera.height)
+    )
     seen_m = now.depth_m[row[inside], column[inside]]
     wanted_m = depth_m[inside][seen_m > 0]
     seen_m = seen_m[seen_m > 0]

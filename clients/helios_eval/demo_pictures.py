@@ -48,10 +48,13 @@ def object_picture(bus: Bus, occupancy: Mapping[str, NDArray]) -> bytes:
         axes.scatter(means[shown, 0], means[shown, 1], s=1.5, c=colors[shown], linewidths=0)
     figure.text(0.5, 0.955, "Object map", ha="center", color=INK, fontsize=15, weight="bold")
     figure.text(
-        0.5, 0.93,
+        0.5,
+        0.93,
         f"{len(means):,} Gaussians, {len(objects)} instances; Ψ from {SURE_SCORE:g} on in green",
-        ha="center", color=MUTED, fontsize=10,
-    )  # fmt: skip
+        ha="center",
+        color=MUTED,
+        fontsize=10,
+    )
     figure.subplots_adjust(left=0.06, right=0.98, bottom=0.06, top=0.91)
     _draw_instances(axes, [o for o in objects if o.class_score >= LEAST_CLASS_SCORE])
     out = io.BytesIO()
@@ -86,14 +89,26 @@ def _draw_instances(axes: Axes, objects: Sequence[ObjectInstance]) -> None:
     for o in objects:
         (x, y), (w, d) = o.center_m[:2], o.size_m[:2]
         color = SURE if o.score >= SURE_SCORE else UNSURE
-        around = np.array([(x - w / 2, y - d / 2), (x + w / 2, y - d / 2),
-                           (x + w / 2, y + d / 2), (x - w / 2, y + d / 2)])  # fmt: skip
+        around = np.array(
+            [
+                (x - w / 2, y - d / 2),
+                (x + w / 2, y - d / 2),
+                (x + w / 2, y + d / 2),
+                (x - w / 2, y + d / 2),
+            ]
+        )
         outline = o.outline_m if len(o.outline_m) > 2 else around
         axes.add_patch(Polygon(outline, closed=True, fill=False, ec=color, lw=1.4))
         text = axes.text(
-            x, y, f"{o.class_name}  Ψ {o.score:.2f}", fontsize=9, color="white", ha="left",
-            va="bottom", bbox={"boxstyle": "round,pad=0.3", "lw": 0, "fc": color, "alpha": 0.92},
-        )  # fmt: skip
+            x,
+            y,
+            f"{o.class_name}  Ψ {o.score:.2f}",
+            fontsize=9,
+            color="white",
+            ha="left",
+            va="bottom",
+            bbox={"boxstyle": "round,pad=0.3", "lw": 0, "fc": color, "alpha": 0.92},
+        )
         size = text.get_window_extent()
         (u0, v0), (u1, v1) = to_px([(x - w / 2, y - d / 2), (x + w / 2, y + d / 2)])
         texts.append((text, color))

@@ -26,9 +26,11 @@ def objects() -> None:
     """Compile the object map's kernels, those of our own rules too."""
     warm_up_objects(ObjectMapSettings())
     ours = {
-        "evidence": "hindsight", "look_alikes": "compared", "joined_by": "detections",
+        "evidence": "hindsight",
+        "look_alikes": "compared",
+        "joined_by": "detections",
         "image_text": "compared",
-    }  # fmt: skip
+    }
     warm_up_objects(ObjectMapSettings.model_validate(ours))
 
 

@@ -59,8 +59,10 @@ def _git(*words: str) -> str | None:
     try:
         done = subprocess.run(
             ["git", "-C", str(Path(__file__).parent), *words],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            check=False,
+        )
     except OSError:
         return None
     return done.stdout.strip() if done.returncode == 0 else None

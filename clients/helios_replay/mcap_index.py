@@ -124,10 +124,17 @@ def read_index(paths: Sequence[Path]) -> Index:
     if any(f.lost for f in files):
         reader.forget_lost_searches()
     return Index(
-        files, reader.began_ns, reader.keys, _as_needed(reader), reader.states,
-        reader.observations, reader.previews,
-        _retirements(reader), reader.description, heard - len(reader.keys),
-    )  # fmt: skip
+        files,
+        reader.began_ns,
+        reader.keys,
+        _as_needed(reader),
+        reader.states,
+        reader.observations,
+        reader.previews,
+        _retirements(reader),
+        reader.description,
+        heard - len(reader.keys),
+    )
 
 
 class _Reader:

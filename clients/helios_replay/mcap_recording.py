@@ -86,9 +86,13 @@ class Recording:
         robot = description_from_proto(self._index.description)
         had_body = robot.can_move or robot.recorded
         return replace(
-            robot, can_move=False, can_pick=False, can_place=False, simulated=False,
+            robot,
+            can_move=False,
+            can_pick=False,
+            can_place=False,
+            simulated=False,
             recorded=had_body,
-        )  # fmt: skip
+        )
 
     def _described_by_keyframes(self) -> RobotDescription:
         """Description of a carried camera, in place of the lost one. Raises InvalidInput without

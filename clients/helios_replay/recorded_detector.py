@@ -110,7 +110,8 @@ class RecordedDetector:
         self._health.count("keyframes_refused")
         log.warning("keyframe %d: %s", id.seq, reason)
         for topic, service, part in (
-            (OBJECTMAP_ACK, "objectmap", "objects"), (MAP2D_ACK, "map2d", "value"),
-        ):  # fmt: skip
+            (OBJECTMAP_ACK, "objectmap", "objects"),
+            (MAP2D_ACK, "map2d", "value"),
+        ):
             ack = pb.Ack(service=service, part=part, id=id, accepted=False, reason=reason)
             self._bus.publish(topic, ack)

@@ -121,9 +121,13 @@ class Images:
     """Base of sources with images only: no search contexts, no robot states, a carried camera."""
 
     def __init__(
-        self, name: str, shots: Sequence[Shot], camera: Pinhole, max_depth_m: float,
+        self,
+        name: str,
+        shots: Sequence[Shot],
+        camera: Pinhole,
+        max_depth_m: float,
         left_out: str = "",
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._name, self._shots, self._camera = name, shots, camera
         self._max_depth_m, self._left_out = max_depth_m, left_out
 

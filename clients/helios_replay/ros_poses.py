@@ -35,9 +35,14 @@ class Poses:
         self._tracks: dict[str, Track] = {}
 
     def add(
-        self, parent: str, child: str, stamp_ns: int, position_m: list[float],
-        quaternion: list[float], is_static: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        parent: str,
+        child: str,
+        stamp_ns: int,
+        position_m: list[float],
+        quaternion: list[float],
+        is_static: bool = False,
+    ) -> None:
         """Add one transform sample. Raises InvalidInput for numbers that are not a pose."""
         norm = float(np.linalg.norm(quaternion))
         if not math.isfinite(norm) or abs(norm - 1) > 0.01 or not np.isfinite(position_m).all():

@@ -33,9 +33,11 @@ IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 INFO = "sensor_msgs/msg/CameraInfo"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 POSES = (
-    "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped",
-    "nav_msgs/msg/Odometry", "geometry_msgs/msg/TransformStamped",
-)  # fmt: skip
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "nav_msgs/msg/Odometry",
+    "geometry_msgs/msg/TransformStamped",
+)
 NAMES = ("color", "depth", "info", "pose", "world", "camera")
 
 
@@ -81,9 +83,10 @@ class RosBag(Images):
         self._pairs = [posed[i][:2] for i in inside]
         shots = [Shot(times_s[i], posed[i][0].stamp_ns, posed[i][2]) for i in inside]
         left_out = left_out_of(
-            len(colors), len(posed),
+            len(colors),
+            len(posed),
             f"no depth within {CLOSE_NS / 1e9:g} s or no pose within {FARTHEST_S:g} s",
-        )  # fmt: skip
+        )
         super().__init__(path.stem, shots, self._lens.camera, DEFAULT_MAX_DEPTH_M, left_out)
 
     def read(self, index: int) -> ShotPixels:
@@ -106,9 +109,13 @@ class RosBag(Images):
 
     # --- contents of the bag ------------------------------------------------------------------
     def _one(
-        self, what: str, named: dict[str, str], types: Sequence[str], hints: Sequence[str],
+        self,
+        what: str,
+        named: dict[str, str],
+        types: Sequence[str],
+        hints: Sequence[str],
         not_hints: Sequence[str],
-    ) -> Any:  # fmt: skip
+    ) -> Any:
         """Connection of the named topic, or of the only matching one. Raises InvalidInput."""
         fitting = [c for c in self._reader.connections if c.msgtype in types]
         if what in named:
@@ -238,7 +245,10 @@ def _add(poses: Poses, header: Any, child: str, pose: Any, is_static: bool) -> N
     p = pose.translation if hasattr(pose, "translation") else pose.position
     q = pose.rotation if hasattr(pose, "rotation") else pose.orientation
     poses.add(
-        str(header.frame_id), child, stamp_ns(header),
+        str(header.frame_id),
+        child,
+        stamp_ns(header),
         [float(p.x), float(p.y), float(p.z)],
-        [float(q.x), float(q.y), float(q.z), float(q.w)], is_static,
-    )  # fmt: skip
+        [float(q.x), float(q.y), float(q.z), float(q.w)],
+        is_static,
+    )

@@ -129,8 +129,10 @@ def write_our_sources(src: Path) -> Path:
 def _write_source(src: Path, package: InterfacePackage) -> Path:
     at = src / package.name
     for name, text in {
-        **package.files, "package.xml": package.manifest, "CMakeLists.txt": package.build_file
-    }.items():  # fmt: skip
+        **package.files,
+        "package.xml": package.manifest,
+        "CMakeLists.txt": package.build_file,
+    }.items():
         path = at / name
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists() or path.read_text() != text:

@@ -34,9 +34,11 @@ class Manipulation:
         self._actions: dict[str, RosAction] = {}
         if ros is not None:
             for what, given in (
-                ("pick", settings.pick), ("place", settings.place), ("show", settings.show),
+                ("pick", settings.pick),
+                ("place", settings.place),
+                ("show", settings.show),
                 ("carry", settings.carry),
-            ):  # fmt: skip
+            ):
                 if given is not None:
                     self._actions[what] = RosAction(ros, given.action, given.type)
         self.held = ""  # name of the held object
@@ -114,9 +116,13 @@ class Manipulation:
     ) -> None:
         action, (x, y, z) = self._actions[what], point_m
         values = {
-            "x": x, "y": y, "z": z, "angle": angle_rad, "name": name,
+            "x": x,
+            "y": y,
+            "z": z,
+            "angle": angle_rad,
+            "name": name,
             "frame": self._senses.world_frame,
-        }  # fmt: skip
+        }
         goal = action.goal(filled(given.goal, values))
         result = action.run(goal, self._latch, self._s.hand_timeout_s)
         if given.success and not getattr(result, given.success, False):

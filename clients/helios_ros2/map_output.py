@@ -92,8 +92,9 @@ class MapOutput:
         if name not in self._values:
             topic = f"~/value/{topic_name(name)}"
             self._values[name] = (
-                self._publisher(IMAGE, topic), self._publisher(GRID, f"{topic}/grid")
-            )  # fmt: skip
+                self._publisher(IMAGE, topic),
+                self._publisher(GRID, f"{topic}/grid"),
+            )
         picture, grid = self._values[name]
         rgb = map_arrays.value_picture(view, value, name)
         self._send(picture, ros_messages.picture(rgb, ns, frame))

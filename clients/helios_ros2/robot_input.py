@@ -38,9 +38,10 @@ log = logging.getLogger(__name__)
 
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 POSES = (
-    "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped",
+    "nav_msgs/msg/Odometry",
+    "geometry_msgs/msg/PoseStamped",
     "geometry_msgs/msg/PoseWithCovarianceStamped",
-)  # fmt: skip
+)
 INFO = "sensor_msgs/msg/CameraInfo"
 REST_NS = 150_000_000  # span over which a base at rest does not move
 REST_M, REST_RAD = 0.004, 0.006
@@ -101,14 +102,20 @@ class RobotInput:
         self.depth = TopicReader(ros, depth, images, self._on_depth, 3)
         self.infos = {
             "color": TopicReader(
-                ros, lambda: s.color_info or info_beside(color()), (INFO,),
-                lambda m: self._on_info("color", m), 1,
+                ros,
+                lambda: s.color_info or info_beside(color()),
+                (INFO,),
+                lambda m: self._on_info("color", m),
+                1,
             ),
             "depth": TopicReader(
-                ros, lambda: s.depth_info or info_beside(depth()), (INFO,),
-                lambda m: self._on_info("depth", m), 1,
+                ros,
+                lambda: s.depth_info or info_beside(depth()),
+                (INFO,),
+                lambda m: self._on_info("depth", m),
+                1,
             ),
-        }  # fmt: skip
+        }
         self.odom = TopicReader(ros, lambda: s.odom, POSES, self._on_pose, 50)
         self.tf: TopicReader | None = None
         if s.pose != "topic" and ros.has_interface(TF_MESSAGE):
@@ -116,9 +123,13 @@ class RobotInput:
                 ros, lambda: "/tf", (TF_MESSAGE,), lambda m: self._on_tf(m, False), 100
             )
             self._tf_static = TopicReader(
-                ros, lambda: "/tf_static", (TF_MESSAGE,), lambda m: self._on_tf(m, True), 100,
+                ros,
+                lambda: "/tf_static",
+                (TF_MESSAGE,),
+                lambda m: self._on_tf(m, True),
+                100,
                 retained=True,
-            )  # fmt: skip
+            )
         if s.tilt_joint:
             self._joints = TopicReader(
                 ros, lambda: s.joint_states, ("sensor_msgs/msg/JointState",), self._on_joints, 10
@@ -185,8 +196,10 @@ class RobotInput:
             log.warning(
                 "TF now has the frame %s; poses stay in %s until the bridge starts again. Set "
                 "HELIOS_ROS2_WORLD_FRAME=%s, so that it waits for that frame",
-                best, poses.world_frame, best,
-            )  # fmt: skip
+                best,
+                poses.world_frame,
+                best,
+            )
 
     def _on_joints(self, message: Any) -> None:
         s = self._s
@@ -279,8 +292,10 @@ class RobotInput:
             if is_heard:
                 log.warning(
                     "poses come from %s, and the camera's mount from the settings, since TF is "
-                    "heard but does not help: %s", self._s.odom, why[-1].message,
-                )  # fmt: skip
+                    "heard but does not help: %s",
+                    self._s.odom,
+                    why[-1].message,
+                )
         if not self._news.wait_for(lambda: bool(self._topic_poses.track.times_ns), within_s):
             raise self.odom.silence()
         return self._topic_poses

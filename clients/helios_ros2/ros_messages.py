@@ -74,9 +74,12 @@ def point_cloud(points: NDArray[np.void], ns: int, frame: str) -> Any:
     kind = interface("sensor_msgs/msg/PointField")
     types = {"<f4": kind.FLOAT32, "<u4": kind.UINT32}
     out = interface("sensor_msgs/msg/PointCloud2")(
-        height=1, width=len(points), point_step=points.dtype.itemsize,
-        row_step=points.nbytes, is_dense=True,
-    )  # fmt: skip
+        height=1,
+        width=len(points),
+        point_step=points.dtype.itemsize,
+        row_step=points.nbytes,
+        is_dense=True,
+    )
     stamp(out.header, ns, frame)
     for name, (field, offset, *_) in (points.dtype.fields or {}).items():
         # viewers expect packed colours as a float

@@ -35,9 +35,11 @@ class RosNode:
         self._rclpy.init(args=[], context=self._context, signal_handler_options=no_signals)
         parameter = rclpy_module("parameter").Parameter
         self.node = self._rclpy.create_node(
-            name, context=self._context, start_parameter_services=False,
+            name,
+            context=self._context,
+            start_parameter_services=False,
             parameter_overrides=[parameter("use_sim_time", value=sim_time)],
-        )  # fmt: skip
+        )
         self.executor = (
             executors.SingleThreadedExecutor(context=self._context)
             if threads == 1

@@ -70,12 +70,16 @@ class TaskInterface:
             self._text, "~/do_task", self._on_do_task, 10, callback_group=group
         )
         for name, call in (
-            ("stop", self._stop), ("clear_stop", self._clear_stop), ("cancel", self._cancel)
-        ):  # fmt: skip
+            ("stop", self._stop),
+            ("clear_stop", self._clear_stop),
+            ("cancel", self._cancel),
+        ):
             ros.node.create_service(
-                trigger, f"~/{name}", lambda q, a, call=call: _answered(call, a),
+                trigger,
+                f"~/{name}",
+                lambda q, a, call=call: _answered(call, a),
                 callback_group=group,
-            )  # fmt: skip
+            )
         self._present = ""  # id of the running task
         self.action = None
         if has_interface(DO_TASK):
@@ -140,9 +144,13 @@ class DoTaskAction:
         self._cancelled: deque[Any] = deque(maxlen=REMEMBERED)  # ids of goals
         self._accept = action.CancelResponse.ACCEPT
         self._server = action.ActionServer(
-            ros.node, self._kind, "~/do_task", self._execute,
-            cancel_callback=self._on_cancel, callback_group=group,
-        )  # fmt: skip
+            ros.node,
+            self._kind,
+            "~/do_task",
+            self._execute,
+            cancel_callback=self._on_cancel,
+            callback_group=group,
+        )
         self._ending = threading.Event()
         self._looking = threading.Thread(target=self._look_on, name="looks at goals", daemon=True)
         self._looking.start()
@@ -195,9 +203,12 @@ class DoTaskAction:
         else:
             handle.abort()
         return self._kind.Result(
-            succeeded=task.state == "succeeded", task_id=task.id, state=task.state,
-            cause=task.cause, message=task.message,
-        )  # fmt: skip
+            succeeded=task.state == "succeeded",
+            task_id=task.id,
+            state=task.state,
+            cause=task.cause,
+            message=task.message,
+        )
 
     def _on_cancel(self, handle: Any) -> Any:
         with self._lock:

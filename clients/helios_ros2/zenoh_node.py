@@ -81,9 +81,11 @@ class ZenohNode:
 
         if qos.retained:
             entity: Any = zenoh.ext.declare_advanced_subscriber(
-                self._session, key, on,
+                self._session,
+                key,
+                on,
                 history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=depth),
-            )  # fmt: skip
+            )
         else:
             entity = self._session.declare_subscriber(key, on)
         token = self._announce(wire.SUBSCRIPTION, topic, kind, qos)

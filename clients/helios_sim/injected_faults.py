@@ -146,9 +146,12 @@ class FaultyRobot(RobotDriver):
     def _camera(self, camera: Pinhole) -> Pinhole:
         k = 1.0 + self._faults.intrinsics_percent / 100.0
         return replace(
-            camera, fx=k * camera.fx, fy=k * camera.fy,
-            cx=k * (camera.cx + 0.5) - 0.5, cy=k * (camera.cy + 0.5) - 0.5,
-        )  # fmt: skip
+            camera,
+            fx=k * camera.fx,
+            fy=k * camera.fy,
+            cx=k * (camera.cx + 0.5) - 0.5,
+            cy=k * (camera.cy + 0.5) - 0.5,
+        )
 
     def _delayed(self, seen: Sequence[Capture]) -> tuple[Capture, ...]:
         """Captures with the poses of `delay_ms` later."""
@@ -165,8 +168,10 @@ class FaultyRobot(RobotDriver):
             T_base_cam = invert(capture.T_world_base) @ capture.T_world_cam
             out.append(
                 replace(
-                    capture, stamp_ns=later, T_world_base=T_world_base,
+                    capture,
+                    stamp_ns=later,
+                    T_world_base=T_world_base,
                     T_world_cam=T_world_base @ T_base_cam,
                 )
-            )  # fmt: skip
+            )
         return tuple(out)

@@ -113,9 +113,11 @@ class CaptureHistory:
         x, y, z = (float(v) for v in self._data.xpos[body])
         shown, turn_rad = taken.shown or ("", 0.0)
         return replace(
-            static, center_m=(x, y, z), on=taken.on[static.name],
+            static,
+            center_m=(x, y, z),
+            on=taken.on[static.name],
             turn_rad=turn_rad if static.name == shown else 0.0,
-        )  # fmt: skip
+        )
 
 
 def _values(ids: NDArray[np.int32]) -> list[int]:

@@ -55,9 +55,13 @@ def lens_of(source: Any) -> Lens:
     k = getattr(source, kind).intrinsics
     base = k if kind == "pinhole" else k.pinhole_intrinsics
     camera = Pinhole(
-        base.focal_length.x, base.focal_length.y, base.principal_point.x, base.principal_point.y,
-        source.cols, source.rows,
-    )  # fmt: skip
+        base.focal_length.x,
+        base.focal_length.y,
+        base.principal_point.x,
+        base.principal_point.y,
+        source.cols,
+        source.rows,
+    )
     if kind == "pinhole_brown_conrady":
         return Lens(camera, distortion=(k.k1, k.k2, k.p1, k.p2, k.k3))
     if kind == "kannala_brandt":

@@ -113,12 +113,14 @@ class SpotArm:
 FINAL = {
     "MANIP_STATE_GRASP_FAILED": "the grasp of the {} failed",
     "MANIP_STATE_GRASP_PLANNING_NO_SOLUTION": "the arm finds no way to grasp the {} from here",
-    "MANIP_STATE_GRASP_FAILED_TO_RAYCAST_INTO_MAP":
-        "the robot has no depth where the {} is; look from another place",
-    "MANIP_STATE_GRASP_PLANNING_WAITING_DATA_AT_EDGE":
-        "the {} lies at the edge of what the hand sees; look from another place",
+    "MANIP_STATE_GRASP_FAILED_TO_RAYCAST_INTO_MAP": (
+        "the robot has no depth where the {} is; look from another place"
+    ),
+    "MANIP_STATE_GRASP_PLANNING_WAITING_DATA_AT_EDGE": (
+        "the {} lies at the edge of what the hand sees; look from another place"
+    ),
     "MANIP_STATE_DONE": "the grasp of the {} was ended by somebody else",
-}  # fmt: skip
+}
 
 
 def pixel_of(point_vision_m: Matrix, shot: HandShot) -> tuple[float, float] | None:

@@ -113,9 +113,14 @@ class Motion:
         """Open the hand and turn it towards a point of the vision frame."""
         x, y, z = (float(v) for v in point_vision_m)
         command = self._build.arm_gaze_command(
-            x, y, z, VISION, build_on_command=self._build.claw_gripper_open_command(),
-            max_linear_vel=self._s.arm_m_s, max_angular_vel=self._s.arm_rad_s,
-        )  # fmt: skip
+            x,
+            y,
+            z,
+            VISION,
+            build_on_command=self._build.claw_gripper_open_command(),
+            max_linear_vel=self._s.arm_m_s,
+            max_angular_vel=self._s.arm_rad_s,
+        )
         self._arm(command, "look at it with the hand")
 
     def grip(self, open: bool) -> None:
@@ -196,11 +201,12 @@ def arm_done(feedback: Any) -> bool | None:
     }
     stuck = {
         "arm_cartesian_feedback": (
-            cartesian.STATUS_TRAJECTORY_STALLED, cartesian.STATUS_TRAJECTORY_CANCELLED,
+            cartesian.STATUS_TRAJECTORY_STALLED,
+            cartesian.STATUS_TRAJECTORY_CANCELLED,
         ),
         "arm_gaze_feedback": (gaze.STATUS_TOOL_TRAJECTORY_STALLED,),
         "named_arm_position_feedback": (named.STATUS_STALLED_HOLDING_ITEM,),
-    }  # fmt: skip
+    }
     if status in there.get(kind, ()):
         return True
     return False if status in stuck.get(kind, ()) else None

@@ -167,9 +167,11 @@ class SpotCameras:
     def _color_request(self, name: str) -> Any:
         pixel = bosdyn_api.image_pb2.Image
         return bosdyn_api.image.build_image_request(
-            name, quality_percent=JPEG_QUALITY, image_format=pixel.FORMAT_JPEG,
+            name,
+            quality_percent=JPEG_QUALITY,
+            image_format=pixel.FORMAT_JPEG,
             pixel_format=pixel.PIXEL_FORMAT_RGB_U8 if name == HAND_COLOR else None,
-        )  # fmt: skip
+        )
 
     def _depth(self, response: Any, T_vision_upright: Matrix) -> NDArray[np.float32]:
         """Depth (m) on the upright camera's pixels, from registered or unregistered depth."""

@@ -137,10 +137,13 @@ class Control:
             if self._s.lease == "take":
                 client.take(timeout=self._s.rpc_timeout_s)
             lease_term.keep_alive = bosdyn_api.lease.LeaseKeepAlive(
-                client, rpc_interval_seconds=RENEW_LEASE_S, must_acquire=True,
-                return_at_exit=True, warnings=False,
+                client,
+                rpc_interval_seconds=RENEW_LEASE_S,
+                must_acquire=True,
+                return_at_exit=True,
+                warnings=False,
                 on_failure_callback=functools.partial(self._on_failure, lease_term),
-            )  # fmt: skip
+            )
         try:
             self._check_epoch(client, what)
         except HeliosError:
@@ -211,9 +214,10 @@ class Control:
             )
         with doing("switch the motors on", self._link.host):
             self._link.robot.power_on(
-                timeout_sec=self._s.power_timeout_s, update_frequency=5.0,
+                timeout_sec=self._s.power_timeout_s,
+                update_frequency=5.0,
                 timeout=self._s.rpc_timeout_s,
-            )  # fmt: skip
+            )
         self._powered = True
         self._halt.check()
 

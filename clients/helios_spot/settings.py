@@ -34,9 +34,11 @@ class SpotSettings(ServiceSettings):
         default=3.0, gt=0, le=30, description="longest wait for a response of the robot"
     )
     command_s: float = Field(
-        default=1.0, ge=0.3, le=3.0,
+        default=1.0,
+        ge=0.3,
+        le=3.0,
         description="a walk ends by itself after this unless renewed (four times as often)",
-    )  # fmt: skip
+    )
     speed_m_s: float = Field(default=0.5, gt=0, le=1.0, description="fastest walk")
     turn_rad_s: float = Field(default=0.8, gt=0, le=1.5, description="fastest turn")
     arm_m_s: float = Field(default=0.5, gt=0, le=1.0, description="fastest motion of the hand")

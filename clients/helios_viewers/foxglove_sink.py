@@ -51,10 +51,14 @@ class FoxgloveSink:
         self.control: Control | None = None  # set by the owner of a recording's player
         try:
             self._server = foxglove.start_server(
-                name=name, host=HOST, port=port, context=self._context,
-                server_listener=_Listener(self), playback_time_range=range_ns,
+                name=name,
+                host=HOST,
+                port=port,
+                context=self._context,
+                server_listener=_Listener(self),
+                playback_time_range=range_ns,
                 capabilities=[foxglove.Capability.Time] if range_ns else [],
-            )  # fmt: skip
+            )
         except (OSError, RuntimeError) as error:
             raise Conflict(
                 f"the Foxglove server cannot listen on port {port} ({error}); choose another with "
@@ -86,9 +90,12 @@ class FoxgloveSink:
         """Tell the viewers where the playback of a recording is."""
         self._server.broadcast_time(state.time_ns)
         before, self._state = self._state, state
-        if before is None or state.sought or (before.playing, before.ended, before.speed) != (
-            state.playing, state.ended, state.speed
-        ):  # fmt: skip
+        if (
+            before is None
+            or state.sought
+            or (before.playing, before.ended, before.speed)
+            != (state.playing, state.ended, state.speed)
+        ):
             self._server.broadcast_playback_state(playback_state(state, None))
 
     def on_subscribe(self, topic: str) -> None:

@@ -42,9 +42,11 @@ HEADING_M = 0.5  # length of the arrow on the robot
 IMAGE_PLANE_M = 0.6
 MEDIA = {"jpeg": "image/jpeg", "jpg": "image/jpeg", "png": "image/png"}
 LEVELS = {
-    Log.Level.DEBUG: "DEBUG", Log.Level.WARNING: "WARN", Log.Level.ERROR: "ERROR",
+    Log.Level.DEBUG: "DEBUG",
+    Log.Level.WARNING: "WARN",
+    Log.Level.ERROR: "ERROR",
     Log.Level.FATAL: "CRITICAL",
-}  # fmt: skip
+}
 
 
 def fixed_entities() -> Iterator[Entity]:
@@ -117,10 +119,15 @@ def _frame(frame: pb.Frame) -> Iterator[Entity]:
     path, size = KEYFRAME if frame.keyframe else CAMERA, frame.calibration
     yield path, _transform(frame.T_world_cam)
     if len(size.K) == 9:
-        yield path, rr.Pinhole(
-            image_from_camera=np.array(size.K).reshape(3, 3), width=size.width,
-            height=size.height, image_plane_distance=IMAGE_PLANE_M,
-        )  # fmt: skip
+        yield (
+            path,
+            rr.Pinhole(
+                image_from_camera=np.array(size.K).reshape(3, 3),
+                width=size.width,
+                height=size.height,
+                image_plane_distance=IMAGE_PLANE_M,
+            ),
+        )
 
 
 def _transform(pose: PoseInFrame) -> rr.Transform3D:
@@ -135,9 +142,11 @@ def _detections(annotations: ImageAnnotations) -> rr.Boxes2D:
     pixels = [[(p.x, p.y) for p in box.points] for box in annotations.points if box.points]
     corners = [np.concatenate([np.min(box, axis=0), np.max(box, axis=0)]) for box in pixels]
     return rr.Boxes2D(
-        array=np.array(corners, np.float32).reshape(-1, 4), array_format=rr.Box2DFormat.XYXY,
-        labels=[text.text for text in annotations.texts], colors=[(255, 140, 0)],
-    )  # fmt: skip
+        array=np.array(corners, np.float32).reshape(-1, 4),
+        array_format=rr.Box2DFormat.XYXY,
+        labels=[text.text for text in annotations.texts],
+        colors=[(255, 140, 0)],
+    )
 
 
 def _texts_and_figures(message: Message) -> Iterator[Entity]:

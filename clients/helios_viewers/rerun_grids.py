@@ -13,9 +13,11 @@ from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
 NUMERIC = {
-    PackedElementField.UINT8: "u1", PackedElementField.INT8: "i1",
-    PackedElementField.UINT32: "<u4", PackedElementField.FLOAT32: "<f4",
-}  # fmt: skip
+    PackedElementField.UINT8: "u1",
+    PackedElementField.INT8: "i1",
+    PackedElementField.UINT32: "<u4",
+    PackedElementField.FLOAT32: "<f4",
+}
 POSITION, COLOR = ("x", "y", "z"), ("red", "green", "blue", "alpha")
 POINT_M = 0.02  # radius of a drawn point
 
@@ -44,9 +46,11 @@ def grid_mesh(grid: Grid) -> rr.Mesh3D:
     corners = first + np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
     rgb = np.stack([cells["red"], cells["green"], cells["blue"]], -1)
     return rr.Mesh3D(
-        vertex_positions=at.reshape(-1, 3), triangle_indices=corners.reshape(-1, 3),
-        vertex_texcoords=shares.reshape(-1, 2), albedo_texture=rgb,
-    )  # fmt: skip
+        vertex_positions=at.reshape(-1, 3),
+        triangle_indices=corners.reshape(-1, 3),
+        vertex_texcoords=shares.reshape(-1, 2),
+        albedo_texture=rgb,
+    )
 
 
 def cloud_points(cloud: PointCloud) -> rr.Points3D:
@@ -62,10 +66,11 @@ def cloud_splats(cloud: PointCloud) -> rr.GaussianSplats3D:
     """
     points = _elements(cloud.data, cloud.point_stride, cloud, (*POSITION, *COLOR, "radius"))
     return rr.GaussianSplats3D(
-        _positions(points), scales=np.repeat(points["radius"][:, None], 3, axis=1),
+        _positions(points),
+        scales=np.repeat(points["radius"][:, None], 3, axis=1),
         quaternions=np.tile(np.array([0, 0, 0, 1], np.float32), (len(points), 1)),
         colors=_rgba(points),
-    )  # fmt: skip
+    )
 
 
 def _shape(grid: Grid) -> tuple[int, int]:
@@ -88,10 +93,14 @@ def _elements(
     if missing := set(needed) - {f.name for f in fields}:
         raise InvalidInput(f"a grid or cloud has no field {', '.join(sorted(missing))}")
     try:
-        kind = np.dtype({
-            "names": [f.name for f in fields], "formats": [NUMERIC[f.type] for f in fields],
-            "offsets": [f.offset for f in fields], "itemsize": stride,
-        })  # fmt: skip
+        kind = np.dtype(
+            {
+                "names": [f.name for f in fields],
+                "formats": [NUMERIC[f.type] for f in fields],
+                "offsets": [f.offset for f in fields],
+                "itemsize": stride,
+            }
+        )
         return np.frombuffer(data, kind)
     except ValueError as error:
         raise InvalidInput(f"the fields of a grid or cloud do not fit: {error}") from error

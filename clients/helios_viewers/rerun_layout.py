@@ -54,8 +54,9 @@ def layout() -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Horizontal(images, worlds, texts, column_shares=[2, 4, 2]),
         rrb.TimePanel(timeline=TIMELINE, play_state="following", state="collapsed"),
-        rrb.BlueprintPanel(state="collapsed"), rrb.SelectionPanel(state="collapsed"),
-    )  # fmt: skip
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+    )
 
 
 if __name__ == "__main__":

@@ -18,9 +18,12 @@ from helios_core.recording_format import CANDIDATES, FRONTIERS, OBJECTS, PLAN, T
 from numpy.typing import NDArray
 
 KINDS = {  # channel -> kinds of shapes that it may have
-    OBJECTS: ("boxes",), FRONTIERS: ("spheres",), CANDIDATES: ("spheres",),
-    TRAJECTORY: ("lines",), PLAN: ("lines", "arrows"),
-}  # fmt: skip
+    OBJECTS: ("boxes",),
+    FRONTIERS: ("spheres",),
+    CANDIDATES: ("spheres",),
+    TRAJECTORY: ("lines",),
+    PLAN: ("lines", "arrows"),
+}
 Shapes = rr.Boxes3D | rr.Points3D | rr.LineStrips3D | rr.Arrows3D
 
 
@@ -39,18 +42,21 @@ def boxes(scene: SceneUpdate) -> rr.Boxes3D:
         sizes=_rows([(c.size.x, c.size.y, c.size.z) for _, c in drawn], 3),
         quaternions=_rows([_xyzw(c.pose) for _, c in drawn], 4),
         colors=_colors([c.color for _, c in drawn], opaque=True),
-        labels=[_words(e) for e, _ in drawn], show_labels=True,
-    )  # fmt: skip
+        labels=[_words(e) for e, _ in drawn],
+        show_labels=True,
+    )
 
 
 def spheres(scene: SceneUpdate) -> rr.Points3D:
     """Spheres, each with the text of its entity."""
     drawn = [(e, s) for e in scene.entities for s in e.spheres]
     return rr.Points3D(
-        _xyz([s.pose for _, s in drawn]), radii=[s.size.x / 2 for _, s in drawn],
+        _xyz([s.pose for _, s in drawn]),
+        radii=[s.size.x / 2 for _, s in drawn],
         colors=_colors([s.color for _, s in drawn]),
-        labels=[_words(e) for e, _ in drawn], show_labels=True,
-    )  # fmt: skip
+        labels=[_words(e) for e, _ in drawn],
+        show_labels=True,
+    )
 
 
 def lines(scene: SceneUpdate) -> rr.LineStrips3D:
@@ -59,7 +65,7 @@ def lines(scene: SceneUpdate) -> rr.LineStrips3D:
         [_rows([(p.x, p.y, p.z) for p in line.points], 3) for line in drawn],
         radii=[line.thickness / 2 for line in drawn],
         colors=_colors([line.color for line in drawn]),
-    )  # fmt: skip
+    )
 
 
 def arrows(scene: SceneUpdate) -> rr.Arrows3D:
@@ -71,10 +77,12 @@ def arrows(scene: SceneUpdate) -> rr.Arrows3D:
         yaw_rad = 2 * np.arctan2(q.z, q.w)
         vectors.append((length * np.cos(yaw_rad), length * np.sin(yaw_rad), 0.0))
     return rr.Arrows3D(
-        origins=_xyz([a.pose for _, a in drawn]), vectors=_rows(vectors, 3),
+        origins=_xyz([a.pose for _, a in drawn]),
+        vectors=_rows(vectors, 3),
         radii=[a.shaft_diameter / 2 for _, a in drawn],
-        colors=_colors([a.color for _, a in drawn]), labels=[_words(e) for e, _ in drawn],
-    )  # fmt: skip
+        colors=_colors([a.color for _, a in drawn]),
+        labels=[_words(e) for e, _ in drawn],
+    )
 
 
 def _words(entity: SceneEntity) -> str:

@@ -39,9 +39,13 @@ class RerunServer:
         serve = (str(program()), "--serve-web", "--bind", HOST)
         ports = ("--port", str(port), "--web-viewer-port", str(web_port))
         self._process = subprocess.Popen(
-            [*watch, *serve, *ports], env=os.environ | NO_USAGE_DATA, start_new_session=True,
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
+            [*watch, *serve, *ports],
+            env=os.environ | NO_USAGE_DATA,
+            start_new_session=True,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         try:
             self._wait_for(port, stopping)
             self._wait_for(web_port, stopping)

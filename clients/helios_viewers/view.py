@@ -109,9 +109,13 @@ def _view_recording(
 
 
 def _foxglove(
-    options: ViewOptions, port: int, channels: Mapping[str, type[Message]],
-    range_ns: tuple[int, int] | None, say: Say, opened: ExitStack,
-) -> FoxgloveSink:  # fmt: skip
+    options: ViewOptions,
+    port: int,
+    channels: Mapping[str, type[Message]],
+    range_ns: tuple[int, int] | None,
+    say: Say,
+    opened: ExitStack,
+) -> FoxgloveSink:
     try:
         from helios_viewers.foxglove_sink import FoxgloveSink
     except ImportError as error:

@@ -56,9 +56,12 @@ class GuardedDriver(RobotDriver):
 
     def act(self, action: Action, action_id: str) -> ActionResult:
         return self._call(
-            "act", f"act({type(action).__name__})", lambda: self._driver.act(action, action_id),
-            ActionResult, lambda result: result_to_proto(result, action_id),
-        )  # fmt: skip
+            "act",
+            f"act({type(action).__name__})",
+            lambda: self._driver.act(action, action_id),
+            ActionResult,
+            lambda result: result_to_proto(result, action_id),
+        )
 
     def act_and_watch(
         self, action: Action, action_id: str, hz: float
@@ -91,8 +94,12 @@ class GuardedDriver(RobotDriver):
         if wrong:
             log.warning(
                 "the driver %s returned wrong images from %s: %s (%d left out, %d used)",
-                self.name, shown, wrong[0], len(wrong), len(good),
-            )  # fmt: skip
+                self.name,
+                shown,
+                wrong[0],
+                len(wrong),
+                len(good),
+            )
         return tuple(good)
 
     def stop(self, reason: str) -> None:

@@ -47,9 +47,11 @@ class PushDriver(RobotDriver):
         """Set the next frame; the other arguments name the world of its poses."""
         self._offered = capture
         self._state = RobotState(
-            capture.T_world_base, robot_boot_id=robot_boot_id, world_epoch=world_epoch,
+            capture.T_world_base,
+            robot_boot_id=robot_boot_id,
+            world_epoch=world_epoch,
             origin_id=origin_id,
-        )  # fmt: skip
+        )
 
     def describe(self) -> RobotDescription:
         return RobotDescription(

@@ -3,8 +3,8 @@
 One thread at a time uses the driver (`_turn`), except for stop. Actions come by `bridge/act`. After
 each action the bridge captures a keyframe and publishes it (`frame_publisher`). Separate threads
 (`driver_executor`) stream frames while the robot stands, play a recording (`recording_player`), and
-stop an action that exceeds its time. With the driver `push`, frames come by `bridge/push`
-(`pushed_frames`).
+stop an action that exceeds its time (`robot_stop`). With the driver `push`, frames come by
+`bridge/push` (`pushed_frames`).
 """
 
 from __future__ import annotations
@@ -12,8 +12,6 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from concurrent import futures
-from concurrent.futures import Future
 
 from helios_core import proto as pb
 from helios_core import tracing
@@ -27,9 +25,9 @@ from helios_core.codec import (
     state_to_proto,
     transform_to_proto,
 )
-from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidInput, Unavailable
+from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidInput
 from helios_core.health import Health
-from helios_core.heartbeat import HALTED, HeartbeatMonitor
+from helios_core.heartbeat import HeartbeatMonitor
 from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, full_name_of, full_names
 from helios_core.robot import (
     Action,
@@ -67,6 +65,7 @@ from helios_bridge.frame_publisher import FramePublisher
 from helios_bridge.lease import Lease
 from helios_bridge.pushed_frames import PushDriver, PushedFrameQueue, refuse_push
 from helios_bridge.recording_player import RecordingPlayer
+from helios_bridge.robot_stop import UNCONFIRMED, RobotStop
 from helios_bridge.settings import Settings
 from helios_bridge.setup_monitor import SetupMonitor
 from helios_bridge.stop_latch import StopLatch
@@ -77,16 +76,13 @@ LONGEST_ACTION_S = 600.0
 LONGEST_ID = 200
 END_WITHIN_S = 0.3  # wait for running jobs when the bridge ends
 CLOSE_WITHIN_S = 1.2  # wait for the driver's close after that; a process has 2 s in all
-MOST_REASONS = 200  # length of all stop reasons together, characters
 STOP_AGAIN_S = 0.5  # period at which the stop of a robot that has not confirmed it is repeated
-RETRY_S = 0.5  # between two questions to a robot that does not answer
 CANNOT_SHOW = "this robot cannot show a held object: its description has no show_base_m"
 LOOK_WITHIN_S = 2.0  # wait of a check for the robot
 NOT_CHECKED = (
     "the bridge does not check the set-up of this robot: it plays a recording, its depth is "
     "estimated, or the setting checks is off"
 )
-UNCONFIRMED = "the robot has not confirmed the stop and may still move"
 
 
 class BridgeService:
@@ -112,42 +108,32 @@ class BridgeService:
         self._health = BridgeHealth(health)
         self._driver = GuardedDriver(driver, self._health)
         self._turn = threading.Lock()  # lock on the driver
-        self._latch = StopLatch(settings.state_dir)
-        self._stopped_why = self._latch.read()  # all stop reasons, oldest first; "" if not stopped
-        self._stop_confirmed = self._stop_late = False  # by the driver; after its time limit
-        self._last_stop_why = ""
         self._busy_until_s: float | None = None  # deadline of the running action
-        self._stop_call: Future[None] | None = None  # last call of the driver's stop
-        self._stop_lock = threading.Lock()
-        self._stops, self._clearing = 0, False
-        self._halt_call: Future[None] | None = None  # the driver's stop for a silent sender
         self._state_lock = threading.RLock()
         self._states_begun = self._state_out = 0  # number of the newest state; of the last one out
         self._ending, self._executor = threading.Event(), executor or DriverExecutor()
+        self._stopping = RobotStop(
+            self._driver,
+            StopLatch(settings.state_dir),
+            self._executor,
+            self._health,
+            settings.stop_timeout_s,
+            self._publish_state,
+        )
         self._acks, self._actions = KeyframeAcks(full_name_of), ActionLog()
         self._lease = Lease(settings.lease_s, first)
         description = description_to_proto(self._driver.describe())
         self._description = description_from_proto(description)  # validated like in every service
         self._heartbeats = HeartbeatMonitor(
-            bus, PLANNER_HEARTBEAT, settings.heartbeat_s, self._halt
+            bus, PLANNER_HEARTBEAT, settings.heartbeat_s, self._stopping.halt
         )
         self._publisher = FramePublisher(
             bus, self._driver, settings, self._health, self._acks, first
         )
         self._publisher.show_base_m = self._description.show_base_m
         self._setup = self._new_setup_monitor()
-        self._player: RecordingPlayer | None = None
-        self._push_queue: PushedFrameQueue | None = None
-        if isinstance(driver, PushDriver):
-            self._push_queue = PushedFrameQueue(
-                bus, driver, self._publisher, self._acks, self._turn,
-                settings.depth == "estimated",
-            )  # fmt: skip
-        elif not self._description.can_move and settings.autoplay:
-            self._player = RecordingPlayer(
-                bus, self._driver, self._publisher, self._turn, self._health,
-                settings.contexts, settings.strict,
-            )  # fmt: skip
+        self._push_queue = self._new_push_queue(driver)
+        self._player = self._new_player()
         bus.publish(ROBOT_DESCRIPTION, description)
         self._serve()
 
@@ -175,11 +161,13 @@ class BridgeService:
             self._executor.start("stream", self._stream)
         if (setup := self._setup) is not None:
             self._executor.start("checks of the set-up", lambda: setup.run(self._ending))
-        if self._stopped_why:
-            log.warning("stopped since before the start: %s", self._stopped_why)
-            self._stop_again()
+        if self._stopping.why:
+            log.warning("stopped since before the start: %s", self._stopping.why)
+            self._stopping.repeat()
         else:
-            self._executor.begin("clear an old halt", self._clear_old_halt)
+            self._executor.begin(
+                "clear an old halt", lambda: self._stopping.clear_old_halt(self._ending)
+            )
         self._publish_state()
         self._health.ready("waits for frames: POST /v1/frames" if self._push_queue else "")
 
@@ -210,54 +198,13 @@ class BridgeService:
         return self._actions.once(request.action_id, lambda: self._act(request, action, deadline_s))
 
     def stop(self, request: pb.StopRequest) -> pb.Empty:
-        """Stop the robot. Raises DeadlineExceeded if the driver's stop does not return in time.
-
-        In that case no further action starts, but the robot may still move.
-        """
-        self._health.count("stops")
-        with self._stop_lock:  # without the driver lock: an action may be running
-            self._last_stop_why = request.reason or "stop-now"
-            self._stopped_why = _with_reason(self._stopped_why, self._last_stop_why)
-            self._stops += 1
-            log.warning("stopped: %s", self._stopped_why)
-            if not self._stop_hangs():
-                self._begin_stop()
-            call = self._stop_call
-            self._latch.keep(self._stopped_why)
-        assert call is not None
-        futures.wait((call,), self._settings.stop_timeout_s)
-        if not call.done():
-            late = (
-                f"the driver's stop has not come back within {self._settings.stop_timeout_s:g} s; "
-                "the robot may still move: use its own emergency stop"
-            )
-            self._stop_late = True
-            self._health.stop_fails(late)
-            log.error("%s", late)
-            raise DeadlineExceeded(late)
-        call.result()  # raises the driver's error
+        """Stop the robot, as `RobotStop.stop`."""
+        self._stopping.stop(request.reason or "stop-now")
         return pb.Empty()
 
     def clear_stop(self, _: pb.Empty) -> pb.Empty:
-        """Clear the stop. Raises Conflict while a stop hangs, or if another stop came meanwhile."""
-        with self._stop_lock:
-            if self._stop_hangs():
-                raise Conflict("the driver has not come back from its stop; see to the robot first")
-            stops, self._clearing = self._stops, True
-        try:
-            self._driver.clear_stop()  # may take long: the robot may be remote
-        finally:
-            self._clearing = False
-        with self._stop_lock:
-            anew = self._last_stop_why if self._stops != stops else ""
-            self._stopped_why, self._stop_confirmed = anew, False
-            if not anew:
-                self._latch.clear()
-        if anew:  # the driver may have cleared it too; no action can have begun
-            self.stop(pb.StopRequest(reason=anew))
-            raise Conflict(f"the robot was stopped again meanwhile ({anew}); clear that stop, too")
-        self._health.stop_works()
-        self._publish_state()
+        """Clear the stop, as `RobotStop.clear`."""
+        self._stopping.clear()
         return pb.Empty()
 
     def push(self, request: pb.PushRequest) -> pb.PushReply:
@@ -287,8 +234,8 @@ class BridgeService:
         `stopped` is true only if the robot has confirmed its stop.
         """
         s = self._driver.state()
-        why = self._stopped_why
-        stopped = s.stopped or bool(why and self._stop_confirmed)
+        why = self._stopping.why
+        stopped = s.stopped or bool(why and self._stopping.confirmed)
         return RobotState(
             T_world_base=s.T_world_base,
             tilt_rad=s.tilt_rad,
@@ -316,6 +263,30 @@ class BridgeService:
             log.error("the driver could not let go of the robot: %s", error)
         return hanging
 
+    def _new_push_queue(self, driver: RobotDriver) -> PushedFrameQueue | None:
+        """Queue of pushed frames; None for a driver with its own camera."""
+        if not isinstance(driver, PushDriver):
+            return None
+        estimated = self._settings.depth == "estimated"
+        return PushedFrameQueue(
+            self._bus, driver, self._publisher, self._acks, self._turn, estimated
+        )
+
+    def _new_player(self) -> RecordingPlayer | None:
+        """Player of a recording; None for a robot that moves, or that gets its frames pushed."""
+        s = self._settings
+        if self._push_queue is not None or self._description.can_move or not s.autoplay:
+            return None
+        return RecordingPlayer(
+            self._bus,
+            self._driver,
+            self._publisher,
+            self._turn,
+            self._health,
+            s.contexts,
+            s.strict,
+        )
+
     def _new_setup_monitor(self) -> SetupMonitor | None:
         """Monitor of the robot's set-up; None if there is nothing to check."""
         s = self._settings
@@ -341,117 +312,6 @@ class BridgeService:
         if not ack.accepted:
             self._acks.add_for(ack, full_names(FROM_DETECTIONS))
 
-    def _begin_stop(self) -> None:
-        """Call the driver's stop in a thread. The state follows in another one: state() may be
-        slow, and a caller waits for the stop."""
-        self._stop_call = self._executor.begin("stop", self._stop)
-        self._stop_call.add_done_callback(self._on_stop_ended)
-
-    def _on_stop_ended(self, call: Future[None]) -> None:
-        if call.exception() is None:
-            self._executor.start("state after a stop", self._publish_state)
-
-    def _stop(self) -> None:
-        try:
-            self._driver.stop(self._stopped_why)
-            self._stop_confirmed = bool(self._stopped_why)
-        except Exception as error:
-            if self._stop_late:  # the caller of stop no longer waits
-                log.error("the stop failed: %s", error)
-                self._health.stop_fails(f"the stop failed: {error}")
-            raise
-        if self._stop_late:
-            self._stop_late = False
-            log.warning("the driver has come back from its stop after all")
-        self._health.stop_works()
-
-    def _stop_again(self) -> None:
-        with self._stop_lock:
-            unconfirmed = bool(self._stopped_why) and not self._stop_confirmed
-            if unconfirmed and not self._clearing and not self._stop_hangs():
-                self._begin_stop()
-
-    def _stop_hangs(self) -> bool:
-        return self._stop_call is not None and not self._stop_call.done()
-
-    def _halt(self, why: str) -> None:
-        """End the running action, because its sender is away. It is no latched stop. A halt that
-        failed is tried again at the next call, which comes while the action runs."""
-        with self._stop_lock:
-            call = self._halt_call
-            if self._stopped_why or (call is not None and not _failed(call)):
-                return
-            if call is None:
-                log.warning("the running action is ended: %s", why)
-                self._health.count("halts")
-            self._halt_call = self._executor.begin("halt", lambda: self._halt_driver(why))
-
-    def _halt_driver(self, why: str) -> None:
-        try:
-            self._driver.stop(why)
-        except Exception as error:
-            log.error("the running action could not be ended: %s", error)
-            self._health.stop_fails(f"the running action could not be ended: {error}")
-            raise
-        self._health.stop_works()
-
-    def _end_halt(self) -> None:
-        """Allow actions again after a halt, at the latest once the driver has come back from it."""
-        if (call := self._halt_call) is None:
-            return
-        futures.wait((call,), self._settings.stop_timeout_s)
-        if not call.done():
-            log.warning("the driver has not come back from ending an action yet")
-        call.add_done_callback(self._clear_halt)  # at once if it has come back
-
-    def _clear_halt(self, call: Future[None]) -> None:
-        """Clear the driver's stop, unless a stop has come meanwhile or ending the action failed."""
-        with self._stop_lock:
-            again = self._halt_call
-            if again is not None and again is not call:
-                again.add_done_callback(self._clear_halt)
-                return
-            self._halt_call = None
-            stops, is_stopped = self._stops, bool(self._stopped_why)
-        try:
-            call.result()
-            if not is_stopped:
-                self._clear_drivers_stop(stops)
-        except HeliosError as error:
-            log.error("the stop that ended an action is not cleared: %s", error.message)
-        if not is_stopped:
-            self._health.stop_works()  # the action that could not be ended is over
-        self._publish_state()
-
-    def _clear_drivers_stop(self, stops: int) -> None:
-        """Clear the driver's stop; stop again if there are more stops than `stops` by then. Without
-        the lock, as it may take long: the robot may be remote."""
-        self._driver.clear_stop()
-        with self._stop_lock:
-            if self._stops != stops and not self._stop_hangs():
-                self._begin_stop()
-
-    def _clear_old_halt(self) -> None:
-        """Clear the halt of a bridge that died before it could do so itself."""
-        while True:
-            try:
-                state = self._driver.state()
-                break
-            except HeliosError:
-                if self._ending.wait(RETRY_S):
-                    return
-        with self._stop_lock:
-            ours = bool(self._stopped_why) or self._halt_call is not None
-            if ours or not (state.stopped and state.message.startswith(HALTED)):
-                return
-            stops = self._stops
-        try:
-            self._clear_drivers_stop(stops)
-            log.warning("an earlier bridge ended a drive; that is cleared: %s", state.message)
-        except HeliosError as error:
-            log.error("the robot stays stopped: %s", error.message)
-        self._publish_state()
-
     # --- one action ---------------------------------------------------------------------------
     def _act(self, request: pb.ActionRequest, action: Action, deadline_s: float) -> pb.ActionResult:
         self._check_may_drive(request)
@@ -467,7 +327,7 @@ class BridgeService:
                     done = self._robot_acts(action, request.action_id)
             finally:
                 self._busy_until_s = None
-                self._end_halt()
+                self._stopping.end_halt()
             self._health.count("actions")
             self._health.sample("act_ms", (time.monotonic() - began) * 1e3)
             self._publish_state()  # publish the held object before the image that shows it
@@ -528,10 +388,7 @@ class BridgeService:
 
     def _check_may_drive(self, request: pb.ActionRequest) -> None:
         self._lease.check(request.lease_token)
-        if self._stopped_why:
-            raise Conflict(f"the robot is stopped ({self._stopped_why}); clear the stop first")
-        if self._halt_call is not None:
-            raise Unavailable("the driver has not come back from ending an action; try again soon")
+        self._stopping.check()
 
     # --- threads ------------------------------------------------------------------------------
     def _stream(self) -> None:
@@ -560,13 +417,13 @@ class BridgeService:
         confirms it."""
         again_s = time.monotonic() + STOP_AGAIN_S
         while not self._ending.wait(0.05):
-            if self._stopped_why and not self._stop_confirmed and time.monotonic() >= again_s:
+            if time.monotonic() >= again_s:
                 again_s = time.monotonic() + STOP_AGAIN_S
-                self._stop_again()
+                self._stopping.repeat()
             until = self._busy_until_s
-            if until is not None and time.monotonic() > until and not self._stopped_why:
+            if until is not None and time.monotonic() > until and not self._stopping.why:
                 try:
-                    self.stop(pb.StopRequest(reason="an action outlived its time"))
+                    self._stopping.stop("an action outlived its time")
                 except Exception:  # the bridge is stopped; only the robot did not answer
                     log.exception("the robot did not take the stop")
 
@@ -585,15 +442,3 @@ class BridgeService:
             pass  # reported in the health until the driver's state works again
         except HeliosError as error:
             log.warning("the robot's state could not be told: %s", error.message)
-
-
-def _failed(call: Future[None]) -> bool:
-    return call.done() and call.exception() is not None
-
-
-def _with_reason(before: str, new: str) -> str:
-    """Stop reasons after one more stop; the first reason stays."""
-    if not before or new in before:
-        return before or new
-    both = f"{before}; {new}"
-    return both if len(both) <= MOST_REASONS else before

@@ -98,8 +98,9 @@ class SetupMonitor:
                 checks, ahead_m = self._checks, self._ahead_m
             return pb.RobotChecksReply(
                 checks=[_to_proto(finding) for finding in checks.findings()],
-                images=checks.views, free_ahead_m=ahead_m,
-            )  # fmt: skip
+                images=checks.views,
+                free_ahead_m=ahead_m,
+            )
 
     def run(self, ending: threading.Event) -> None:
         """Check the images as they come, until `ending`."""
@@ -151,6 +152,11 @@ class SetupMonitor:
 
 def _to_proto(finding: Finding) -> pb.RobotCheck:
     return pb.RobotCheck(
-        name=finding.name, verdict=finding.verdict, value=finding.value, error=finding.error,
-        limit=finding.limit, unit=finding.unit, words=finding.words,
-    )  # fmt: skip
+        name=finding.name,
+        verdict=finding.verdict,
+        value=finding.value,
+        error=finding.error,
+        limit=finding.limit,
+        unit=finding.unit,
+        words=finding.words,
+    )

@@ -62,9 +62,14 @@ class RobotSlot:
     def begin(self, models: Models, usage: ModelUsage) -> DetectorService:
         """Create the robot's service and subscribe to its topics; the models must be warm."""
         service = self._service = DetectorService(
-            self.bus, models.detector, models.scorer, self._health, models.depth,
-            usage=usage, listen=False,
-        )  # fmt: skip
+            self.bus,
+            models.detector,
+            models.scorer,
+            self._health,
+            models.depth,
+            usage=usage,
+            listen=False,
+        )
         self.bus.subscribe(CLAIM, self._on_claim)
         self.bus.subscribe(CONTEXT, self._on_context)
         self.bus.subscribe_in_place(KEYFRAME, self._on_keyframe)
@@ -208,17 +213,19 @@ class RobotSlot:
     def _report(self, strangers: bool) -> None:
         now_s = time.monotonic()
         state, reason = report = (
-            ("degraded", self._fault) if self._fault
+            ("degraded", self._fault)
+            if self._fault
             else (self._loading if self._service is None else self._health).state
-        )  # fmt: skip
+        )
         if report == self._reported and now_s - self._reported_s < REPORT_S:
             return
         self._reported, self._reported_s = report, now_s
         if strangers and state == "ready":
-            state, reason = "degraded", (
-                "another detector is given another list of robots and both may answer; give all "
-                "of them the same --robots"
-            )  # fmt: skip
+            state, reason = (
+                "degraded",
+                "another detector is given another list of robots and both may answer; give all of "
+                "them the same --robots",
+            )
         publish_status(
             self.bus, "detector", self._members.me, (state, reason), self._health.metrics()
         )

@@ -79,11 +79,12 @@ class FrameAnalyzer:
         for attempt in range(1, ATTEMPTS + 1):
             try:
                 findings, wrong = self._checked(
-                    detector, "detect",
+                    detector,
+                    "detect",
                     lambda: checked_findings(
                         detector.detect(frame, context), frame.depth_m.shape, asked
                     ),
-                )  # fmt: skip
+                )
                 return findings, self._note(detector, "detect", frame, wrong)
             except (Unavailable, DeadlineExceeded) as error:
                 self._health.count("detect_retries")
@@ -107,11 +108,10 @@ class FrameAnalyzer:
             if key not in context.prompts
         }
         judgement, wrong = self._checked(
-            scorer, "score",
-            lambda: checked_judgement(
-                scorer.judge(frame, findings.seen, prompts), prompts.keys()
-            ),
-        )  # fmt: skip
+            scorer,
+            "score",
+            lambda: checked_judgement(scorer.judge(frame, findings.seen, prompts), prompts.keys()),
+        )
         scores = judgement.scores
         rated = Ratings(
             {layer: scores[layer] for layer in context.prompts if layer in scores},

@@ -142,9 +142,10 @@ def _detection(
     if not isinstance(d.class_name, str) or (asked is not None and d.class_name not in asked):
         names = _names(asked) if asked is not None else "names"
         wrong.note(
-            "detections_refused", "class",
+            "detections_refused",
+            "class",
             f"a detection with class_name {_short(d.class_name)}, wanted one of {names}",
-        )  # fmt: skip
+        )
         return None
     of = f"of {d.class_name!r}"
     if said := _mask_fault(d.mask, shape) or _box_fault(d.box_xyxy, shape):

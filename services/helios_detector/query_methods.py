@@ -148,8 +148,14 @@ def depth_to_proto(made: DepthEstimate, model: str) -> pb.DepthReply:
     height, width = made.depth_m.shape
     mm = np.rint(made.depth_m * 1000).astype("<u2")
     return pb.DepthReply(
-        raw_depth=RawImage(width=width, height=height, encoding="16UC1", step=2 * width,
-                           frame_id="camera", data=mm.tobytes()),
+        raw_depth=RawImage(
+            width=width,
+            height=height,
+            encoding="16UC1",
+            step=2 * width,
+            frame_id="camera",
+            data=mm.tobytes(),
+        ),
         focal_px=made.focal_px,
         model=model,
-    )  # fmt: skip
+    )

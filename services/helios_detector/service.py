@@ -224,9 +224,13 @@ class DetectorService:
     def _acknowledge(self, id: pb.FrameId, context_id: str, why_not: str) -> None:
         """Publish that the detector is done with a keyframe; empty `why_not`: accepted."""
         ack = pb.Ack(
-            service="detector", part="observation", id=id, accepted=not why_not, reason=why_not,
+            service="detector",
+            part="observation",
+            id=id,
+            accepted=not why_not,
+            reason=why_not,
             context_id=context_id,
-        )  # fmt: skip
+        )
         try:
             self._bus.publish(DETECTOR_ACK, ack)
         except HeliosError as error:
@@ -273,12 +277,18 @@ class DetectorService:
         mine, others = by_class(findings.detections, context)
         out = observation_message(
             Observation(
-                frame, context.id, mine, rated.layer_scores,
-                models.detector.name, models.scorer.name, rated.image,
-                others, rated.class_scores,
+                frame,
+                context.id,
+                mine,
+                rated.layer_scores,
+                models.detector.name,
+                models.scorer.name,
+                rated.image,
+                others,
+                rated.class_scores,
             ),
             message,
-        )  # fmt: skip
+        )
         out.head.detect_ms = detect_ms
         self._analyzer.timed("score", began)
         self._analyzer.measure()

@@ -179,9 +179,12 @@ class YoloxDetector(DetectorBackend):
                 if box is None:
                     continue
                 mask = box_to_mask(
-                    frame.depth_m, box, frame.camera, frame.T_world_cam,
+                    frame.depth_m,
+                    box,
+                    frame.camera,
+                    frame.T_world_cam,
                     keep_surface=want.keep_surface,
-                )  # fmt: skip
+                )
                 detections.append(Detection(want.name, float(own_scores[i]), box, mask))
         best = scores.max(0)
         seen = tuple(

@@ -67,8 +67,9 @@ class TaskRequest(BaseModel):
     @field_validator("settings")
     @classmethod
     def _is_plain(cls, settings: dict[str, str | float]) -> dict[str, str | float]:
-        if not all(name.isidentifier() and str(value).isprintable()
-                   for name, value in settings.items()):  # fmt: skip
+        if not all(
+            name.isidentifier() and str(value).isprintable() for name, value in settings.items()
+        ):
             raise ValueError("names and values of settings are plain words and numbers")
         return settings
 

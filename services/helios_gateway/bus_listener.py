@@ -175,9 +175,11 @@ class RobotMonitor:
         self,
         type: str,
         state_key: str,
-        now: api_models.Robot | api_map_models.MapChange | api_models.Service
+        now: api_models.Robot
+        | api_map_models.MapChange
+        | api_models.Service
         | api_models.Readiness,
-    ) -> None:  # fmt: skip
+    ) -> None:
         if self._published.get(state_key) != now:
             self._published[state_key] = now
             self.events.publish(type, now, state_key)

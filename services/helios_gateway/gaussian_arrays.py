@@ -35,11 +35,13 @@ class Gaussians:
         names, n = tuple(reply.class_names), reply.count
         try:
             return cls(
-                _floats(reply.means_m).reshape(n, 3), _floats(reply.scales_m).reshape(n),
+                _floats(reply.means_m).reshape(n, 3),
+                _floats(reply.scales_m).reshape(n),
                 np.frombuffer(reply.colors, np.uint8).reshape(n, 3),
                 _floats(reply.opacities).reshape(n),
-                _floats(reply.concentration).reshape(n, len(names)), names,
-            )  # fmt: skip
+                _floats(reply.concentration).reshape(n, len(names)),
+                names,
+            )
         except ValueError as error:
             raise Internal(f"the object map sent Gaussians that do not fit: {error}") from error
 

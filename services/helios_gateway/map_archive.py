@@ -17,8 +17,14 @@ FORMAT = 1
 MAP2D_SUFFIX = ".map"
 OBJECTS = "objects.npz"
 _UNREADABLE = (  # RuntimeError: the ZIP is encrypted
-    zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, OSError, RuntimeError, ValueError,
-)  # fmt: skip
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    EOFError,
+    OSError,
+    RuntimeError,
+    ValueError,
+)
 _BEGAN = (2000, 1, 1, 0, 0, 0)  # timestamp of every entry, so that equal maps give equal files
 
 

@@ -66,8 +66,9 @@ class MapCache:
     def change(self) -> api_map_models.MapChange:
         """Counters that rise with every change of the maps."""
         with self._lock:
-            return api_map_models.MapChange(map2d=self._changes["map2d"],
-                                    objects=self._changes["objectmap"])  # fmt: skip
+            return api_map_models.MapChange(
+                map2d=self._changes["map2d"], objects=self._changes["objectmap"]
+            )
 
     def view(self) -> MapView:
         """Newest snapshot of the 2D map. Raises Unavailable, DeadlineExceeded, Internal."""
@@ -77,8 +78,12 @@ class MapCache:
         view = self.view()
         rows, columns = view.shape
         return api_map_models.MapInfo(
-            version=view.version, map_id=view.map_id, context_id=view.context_id,
-            cell_m=view.cell_m, width_cells=columns, height_cells=rows,
+            version=view.version,
+            map_id=view.map_id,
+            context_id=view.context_id,
+            cell_m=view.cell_m,
+            width_cells=columns,
+            height_cells=rows,
             origin_m=[message_conversion.metres(v) for v in view.origin_m],
             explored_m2=message_conversion.finite(view.explored_m2),
             occupied_m2=message_conversion.finite(view.occupied_m2),
@@ -89,7 +94,7 @@ class MapCache:
             robot=message_conversion.pose(*view.robot_pose),
             trajectory_m=message_conversion.pairs(view.trajectory_m.ravel().tolist()),
             trajectory_starts=list(view.trajectory_starts),
-        )  # fmt: skip
+        )
 
     def info_json(self) -> Encoded:
         """`info` as an encoded response."""
@@ -109,9 +114,13 @@ class MapCache:
     def cells(self, layer: str | None) -> Encoded:
         """Image of `map_arrays.cells_png` as an encoded response."""
         view = self._with_layer(layer)
-        return self._file(("cells", layer), view, lambda _: Encoded.of(
-            map_arrays.cells_png(view, layer), PNG, x_map_version=str(view.version)
-        ))  # fmt: skip
+        return self._file(
+            ("cells", layer),
+            view,
+            lambda _: Encoded.of(
+                map_arrays.cells_png(view, layer), PNG, x_map_version=str(view.version)
+            ),
+        )
 
     def npz(self, layer: str | None) -> Encoded:
         """Arrays of the occupancy grid (None) or of a value layer."""

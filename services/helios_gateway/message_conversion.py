@@ -131,11 +131,14 @@ def decision(message: pb.Decision) -> api_models.Decision:
 def _candidates(messages: Iterable[pb.Candidate]) -> list[api_models.Candidate]:
     return [
         api_models.Candidate(
-            kind=c.kind, name=c.name, position_m=_vector(c.position_m), terms=_numbers(c.terms),
+            kind=c.kind,
+            name=c.name,
+            position_m=_vector(c.position_m),
+            terms=_numbers(c.terms),
             chosen=c.chosen,
         )
         for c in messages
-    ]  # fmt: skip
+    ]
 
 
 def pose(x_m: float, y_m: float, yaw_rad: float) -> api_models.RobotPose | None:
@@ -179,18 +182,25 @@ def _stored_object(o: pb.ObjectInstance, place: pb.Relocalisation) -> api_map_mo
         center = se2_to_se3(T.x_m, T.y_m, T.yaw_rad) @ [o.center_m.x, o.center_m.y, o.center_m.z, 1]
         center_m = [metres(float(v)) for v in center[:3]]
     return api_map_models.StoredObject(
-        class_name=o.class_name, relocalisation="tentative" if tentative else "unknown",
-        center_m=center_m, size_m=_vector(o.size_m), score=finite(o.score), views=o.views,
-    )  # fmt: skip
+        class_name=o.class_name,
+        relocalisation="tentative" if tentative else "unknown",
+        center_m=center_m,
+        size_m=_vector(o.size_m),
+        score=finite(o.score),
+        views=o.views,
+    )
 
 
 def _relocalisation(place: pb.Relocalisation) -> api_map_models.Relocalisation:
     return api_map_models.Relocalisation(
-        state="tentative" if place.state == "tentative" else "unknown", attempts=place.attempts,
-        reason=printable(place.reason), overlap_m=finite(place.overlap_m),
-        agreement=finite(place.agreement), contradiction=finite(place.contradiction),
+        state="tentative" if place.state == "tentative" else "unknown",
+        attempts=place.attempts,
+        reason=printable(place.reason),
+        overlap_m=finite(place.overlap_m),
+        agreement=finite(place.agreement),
+        contradiction=finite(place.contradiction),
         ratio=finite(place.ratio),
-    )  # fmt: skip
+    )
 
 
 def _object(o: pb.ObjectInstance) -> api_map_models.ObjectInstance:
@@ -210,33 +220,45 @@ def object_detail(message: pb.ObjectDetail) -> api_map_models.ObjectDetail:
         object=_object(message.object),
         history=[
             api_map_models.ScoreSample(
-                stamp_s=m.stamp_ns / 1e9, views=finite(m.views), score=finite(m.score),
+                stamp_s=m.stamp_ns / 1e9,
+                views=finite(m.views),
+                score=finite(m.score),
                 class_score=finite(m.class_score),
             )
             for m in message.history
         ],
-        box_center_m=_vector(message.box_center_m), box_size_m=_vector(message.box_size_m),
+        box_center_m=_vector(message.box_center_m),
+        box_size_m=_vector(message.box_size_m),
         box_yaw_rad=finite(message.box_yaw_rad),
-    )  # fmt: skip
+    )
 
 
 def frontier(f: pb.Frontier) -> api_map_models.Frontier:
     """HTTP model of a frontier with its values."""
     return api_map_models.Frontier(
-        id=f.id, center_m=[metres(f.x_m), metres(f.y_m)], size_m=metres(f.size_m),
-        reachable=f.reachable, values=_numbers(f.values),
-    )  # fmt: skip
+        id=f.id,
+        center_m=[metres(f.x_m), metres(f.y_m)],
+        size_m=metres(f.size_m),
+        reachable=f.reachable,
+        values=_numbers(f.values),
+    )
 
 
 def robot_state(message: pb.RobotState) -> api_models.RobotState:
     """HTTP model of the robot's state; without a pose if none is finite."""
     return api_models.RobotState(
-        pose=pose_of(message.T_world_base.rows), tilt_rad=finite(message.tilt_rad),
-        held=message.held, moving=message.moving, stopped=message.stopped,
-        finished=message.finished, message=printable(message.message),
-        robot_boot_id=message.robot_boot_id, world_epoch=message.world_epoch,
-        origin_id=message.origin_id, battery=battery_from_proto(message),
-    )  # fmt: skip
+        pose=pose_of(message.T_world_base.rows),
+        tilt_rad=finite(message.tilt_rad),
+        held=message.held,
+        moving=message.moving,
+        stopped=message.stopped,
+        finished=message.finished,
+        message=printable(message.message),
+        robot_boot_id=message.robot_boot_id,
+        world_epoch=message.world_epoch,
+        origin_id=message.origin_id,
+        battery=battery_from_proto(message),
+    )
 
 
 def pose_of(rows: Sequence[float]) -> api_models.RobotPose | None:

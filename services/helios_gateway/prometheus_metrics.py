@@ -23,13 +23,18 @@ class Metrics:
     def __init__(self, robots: RobotRegistry, fleet: FleetQueue) -> None:
         self.registry = CollectorRegistry()
         self.requests = Counter(
-            "helios_http_requests_total", "requests by route and status",
-            ["method", "route", "status"], registry=self.registry,
-        )  # fmt: skip
+            "helios_http_requests_total",
+            "requests by route and status",
+            ["method", "route", "status"],
+            registry=self.registry,
+        )
         self.seconds = Histogram(
-            "helios_http_request_seconds", "time to the start of the answer",
-            ["method", "route"], buckets=BUCKETS_S, registry=self.registry,
-        )  # fmt: skip
+            "helios_http_request_seconds",
+            "time to the start of the answer",
+            ["method", "route"],
+            buckets=BUCKETS_S,
+            registry=self.registry,
+        )
         self.registry.register(_Services(robots))
         self.registry.register(_Faults(robots))
         self.registry.register(_Fleet(fleet))
@@ -57,14 +62,16 @@ class _Services(Collector):
             "helios_service_restarts", "restarts by the supervisor", labels=["robot", "service"]
         )
         figures = GaugeMetricFamily(
-            "helios_service_figure", "what a service publishes of itself; the unit is in its name",
+            "helios_service_figure",
+            "what a service publishes of itself; the unit is in its name",
             labels=["robot", "service", "name"],
-        )  # fmt: skip
+        )
         viewers = GaugeMetricFamily("helios_event_viewers", "open event streams", labels=["robot"])
         dropped = CounterMetricFamily(
-            "helios_event_viewers_dropped", "event streams ended because their reader fell behind",
+            "helios_event_viewers_dropped",
+            "event streams ended because their reader fell behind",
             labels=["robot"],
-        )  # fmt: skip
+        )
         queue = GaugeMetricFamily(
             "helios_event_queue", "most events that wait for one reader", labels=["robot"]
         )
@@ -107,9 +114,10 @@ class _Faults(Collector):
             "helios_fault_occurrences", "occurrences of a fault", labels=labels
         )
         recordings = GaugeMetricFamily(
-            "helios_fault_recording_bytes", "size of the recordings around faults",
+            "helios_fault_recording_bytes",
+            "size of the recordings around faults",
             labels=["robot"],
-        )  # fmt: skip
+        )
         for robot, served in self._robots.robots.items():
             for fault in served.monitor.faults.faults():
                 values = [robot, fault.source, fault.kind]

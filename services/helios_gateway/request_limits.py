@@ -107,17 +107,21 @@ class RequestLimits:
         host = headers.get("host", "")
         if not self._keys.required and not _is_this_machine(host):
             return problem(
-                403, "forbidden", "Forbidden",
+                403,
+                "forbidden",
+                "Forbidden",
                 f"the host {host[:200]!r} is not this machine; ask localhost, or set up API keys",
-            )  # fmt: skip
+            )
         origin = headers.get("origin")
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
         if origin is not None and changes and not self._is_own(origin, host):
             return problem(
-                403, "forbidden", "Forbidden",
+                403,
+                "forbidden",
+                "Forbidden",
                 f"a page of {origin[:200]} asked; only the dashboard's own page may, and those of "
                 "--origins",
-            )  # fmt: skip
+            )
         if _below_robot(scope) in UNLIMITED:
             return None
         key = key_of(scope, self._keys) if self._keys.required else None
@@ -125,10 +129,12 @@ class RequestLimits:
         if self._rate.allows(client):
             return None
         out = problem(
-            429, "too-many", "Too Many Requests",
+            429,
+            "too-many",
+            "Too Many Requests",
             f"more than {self._bounds.requests_per_s} requests a second; ask less often, or watch "
             "/v1/events",
-        )  # fmt: skip
+        )
         out.headers["retry-after"] = "1"
         return out
 
@@ -162,9 +168,11 @@ class RequestLimits:
             return
         if body is None:
             refusal = problem(
-                413, "too-large", "Content Too Large",
+                413,
+                "too-large",
+                "Content Too Large",
                 f"the body is larger than {limit} bytes; send less",
-            )  # fmt: skip
+            )
             await _refuse_body(refusal, scope, receive, send)
             return
         pending: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
@@ -222,9 +230,11 @@ def _extensions(scope: Scope) -> Collection[str]:
 
 def _busy(running: int) -> JSONResponse:
     out = problem(
-        503, "busy", "Service Unavailable",
+        503,
+        "busy",
+        "Service Unavailable",
         f"{running} such requests are being answered; try again in a second",
-    )  # fmt: skip
+    )
     out.headers["retry-after"] = "1"
     return out
 

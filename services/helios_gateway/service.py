@@ -95,9 +95,9 @@ class Gateway:
         buses = {settings.robot: bus}
         buses |= {name: another_bus(name) for name in settings.other_robots}
         self._others = [one for one in buses.values() if one is not bus]
-        self.robots = RobotRegistry({
-            name: RobotEndpoint(one, RobotMonitor(one, settings)) for name, one in buses.items()
-        })  # fmt: skip
+        self.robots = RobotRegistry(
+            {name: RobotEndpoint(one, RobotMonitor(one, settings)) for name, one in buses.items()}
+        )
         self._show_own_health(bus)
         self._fleet = Dispatcher(self.robots, queue, settings.call_timeout_s)
         config = uvicorn.Config(

@@ -147,9 +147,12 @@ class ServiceRegistry:
         process, said = self._processes.get(name), self._statuses.get(name)
         pid = said[0].pid if said and self._alive.get(name) else process.pid if process else 0
         return Service(
-            name=name, state=state, reason=reason,
-            restarts=process.restarts if process else 0, pid=pid or None,
-        )  # fmt: skip
+            name=name,
+            state=state,
+            reason=reason,
+            restarts=process.restarts if process else 0,
+            pid=pid or None,
+        )
 
     def _state(self, name: str) -> tuple[ServiceState, str]:
         instances, said = self._alive.get(name, {}), self._statuses.get(name)

@@ -136,11 +136,14 @@ def push_response(reply: pb.PushReply) -> FrameTaken:
     """HTTP model of the bridge's reply."""
     maps = [
         MapAnswer(
-            map=f"{a.service}/{a.part}", accepted=a.accepted, reason=a.reason, version=a.version,
+            map=f"{a.service}/{a.part}",
+            accepted=a.accepted,
+            reason=a.reason,
+            version=a.version,
             update_ms=a.update_ms,
         )
         for a in reply.acks
-    ]  # fmt: skip
+    ]
     return FrameTaken(
         id=f"{reply.id.robot_boot_id}/{reply.id.world_epoch}/{reply.id.seq}",
         integrated=bool(maps) and not reply.unanswered and all(m.accepted for m in maps),

@@ -102,10 +102,14 @@ def _add_ground(scene: viser.SceneApi, ground: MapView) -> None:
     width_m, height_m = columns * ground.cell_m, rows * ground.cell_m
     x_m, y_m = ground.origin_m
     scene.add_image(
-        "/ground", picture, width_m, height_m, format="png",
+        "/ground",
+        picture,
+        width_m,
+        height_m,
+        format="png",
         wxyz=(0.0, 1.0, 0.0, 0.0),  # viser's images face -z, rows along -y
         position=(x_m + width_m / 2, y_m + height_m / 2, -0.02),
-    )  # fmt: skip
+    )
 
 
 def ground_rgb(ground: MapView) -> NDArray[np.uint8]:
@@ -150,9 +154,10 @@ class _Recorder:
         )
         # A recording needs neither executor nor event loop: both serve clicks.
         self.scene = viser.SceneApi(
-            cast(viser.ClientHandle, self), cast(ThreadPoolExecutor, None),
+            cast(viser.ClientHandle, self),
+            cast(ThreadPoolExecutor, None),
             cast(asyncio.AbstractEventLoop, None),
-        )  # fmt: skip
+        )
 
     def file(self) -> bytes:
         return self._serializer.serialize()

@@ -132,17 +132,23 @@ def _add_middleware(app: FastAPI, state: GatewayState, audit: AuditLog | None) -
     """Add the middleware; the last one added handles a request first."""
     settings = state.settings
     bounds = LimitSettings(
-        settings.body_limit_bytes, settings.frame_limit_bytes, settings.map_limit_bytes,
-        settings.body_timeout_s, settings.requests_per_s, settings.max_requests,
+        settings.body_limit_bytes,
+        settings.frame_limit_bytes,
+        settings.map_limit_bytes,
+        settings.body_timeout_s,
+        settings.requests_per_s,
+        settings.max_requests,
         settings.other_origins,
-    )  # fmt: skip
+    )
     app.add_middleware(RequestLimits, bounds=bounds, keys=state.keys)
     if settings.other_origins:
         app.add_middleware(
-            CORSMiddleware, allow_origins=settings.other_origins, allow_methods=["*"],
+            CORSMiddleware,
+            allow_origins=settings.other_origins,
+            allow_methods=["*"],
             allow_headers=["authorization", "content-type", "last-event-id", "if-none-match"],
             expose_headers=["etag", "x-map-version", "x-frame-id"],
-        )  # fmt: skip
+        )
     app.add_middleware(RequestSpans)
     app.add_middleware(RequestMetrics, metrics=state.metrics)
     app.add_middleware(PageMiddleware)

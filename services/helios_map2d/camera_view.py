@@ -159,8 +159,9 @@ def view_on_grid(
     pose, rays = reach.T_world_cam, reach.rays_m
     window = grid.to_local(reach.box).intersection(grid.whole)
     bins = min(max(int(2.6 * camera.fx), MIN_AZIMUTH_BINS), MAX_AZIMUTH_BINS)
-    half_fov_rad = max(math.atan(camera.cx / camera.fx),
-                       math.atan((camera.width - camera.cx) / camera.fx))  # fmt: skip
+    half_fov_rad = max(
+        math.atan(camera.cx / camera.fx), math.atan((camera.width - camera.cx) / camera.fx)
+    )
     heading = heading_of(pose)
     return View(
         depth_m=depth,
@@ -212,9 +213,11 @@ def box_of(rays_m: list[Ray], T_world_cam: NDArray[np.float64], cell_m: float) -
     x_m, y_m = T_world_cam[:2, 3].tolist()
     xs, ys = [0.0, *(x for x, _, _ in rays_m)], [0.0, *(y for _, y, _ in rays_m)]
     return Box(
-        math.floor((y_m + min(ys)) / cell_m) - 1, math.floor((y_m + max(ys)) / cell_m) + 2,
-        math.floor((x_m + min(xs)) / cell_m) - 1, math.floor((x_m + max(xs)) / cell_m) + 2,
-    )  # fmt: skip
+        math.floor((y_m + min(ys)) / cell_m) - 1,
+        math.floor((y_m + max(ys)) / cell_m) + 2,
+        math.floor((x_m + min(xs)) / cell_m) - 1,
+        math.floor((x_m + max(xs)) / cell_m) + 2,
+    )
 
 
 def bins_of(
@@ -256,9 +259,11 @@ def spans_of(
     x_m, y_m = T_world_cam[:2, 3].tolist()
     column, row = grid.corner[1] + window.column_lo, grid.corner[0] + window.row_lo
     points = np.array(
-        [((x + x_m) / grid.cell_m - column, (y + y_m) / grid.cell_m - row)
-         for x, y, _ in (*rays_m, (0.0, 0.0, 0.0))]
-    )  # fmt: skip
+        [
+            ((x + x_m) / grid.cell_m - column, (y + y_m) / grid.cell_m - row)
+            for x, y, _ in (*rays_m, (0.0, 0.0, 0.0))
+        ]
+    )
     spans = np.empty((window.rows, 2), np.int32)
     spans_between(points, window.columns, spans)
     return spans

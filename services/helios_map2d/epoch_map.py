@@ -87,8 +87,14 @@ class EpochMap:
             self.trajectory.follow(x_m, y_m)
         self.version += 1
         for place, shown, heights in changed:
-            self.tiles.retile(place, self.stack.occupancy, self.stack.search, self.version,
-                              shown=shown, heights=heights)  # fmt: skip
+            self.tiles.retile(
+                place,
+                self.stack.occupancy,
+                self.stack.search,
+                self.version,
+                shown=shown,
+                heights=heights,
+            )
         self.published = self.publish()
         return True
 
@@ -191,8 +197,14 @@ class EpochMap:
         changed = self.stack.fill_unknown(stored.stack, T_here_there)
         self.version += 1
         for place, shown, heights in changed:
-            self.tiles.retile(place, self.stack.occupancy, self.stack.search, self.version,
-                              shown=shown, heights=heights)  # fmt: skip
+            self.tiles.retile(
+                place,
+                self.stack.occupancy,
+                self.stack.search,
+                self.version,
+                shown=shown,
+                heights=heights,
+            )
         for view in stored.memory.snapshot():
             self.memory.add(moved_view(view, T_here_there))
         self.published = self.publish()

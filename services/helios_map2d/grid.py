@@ -38,9 +38,11 @@ class GridSpec:
         half = size_cells / 2
         row, column = math.floor(y_m / cell_m), math.floor(x_m / cell_m)
         around = Box(
-            math.floor(row - half), math.ceil(row + half),
-            math.floor(column - half), math.ceil(column + half),
-        )  # fmt: skip
+            math.floor(row - half),
+            math.ceil(row + half),
+            math.floor(column - half),
+            math.ceil(column + half),
+        )
         return GridSpec.over(around.tiled, cell_m)
 
     @staticmethod
@@ -119,9 +121,11 @@ class Box:
     def tiled(self) -> Box:
         """Smallest box of whole tiles around this box."""
         return Box(
-            self.row_lo // TILE * TILE, -(-self.row_hi // TILE) * TILE,
-            self.column_lo // TILE * TILE, -(-self.column_hi // TILE) * TILE,
-        )  # fmt: skip
+            self.row_lo // TILE * TILE,
+            -(-self.row_hi // TILE) * TILE,
+            self.column_lo // TILE * TILE,
+            -(-self.column_hi // TILE) * TILE,
+        )
 
     @property
     def tiles(self) -> Iterator[Tile]:
@@ -142,9 +146,11 @@ class Box:
 
     def moved(self, rows: int, columns: int) -> Box:
         return Box(
-            self.row_lo + rows, self.row_hi + rows,
-            self.column_lo + columns, self.column_hi + columns,
-        )  # fmt: skip
+            self.row_lo + rows,
+            self.row_hi + rows,
+            self.column_lo + columns,
+            self.column_hi + columns,
+        )
 
     def union(self, other: Box | None) -> Box:
         """Smallest box that contains both; an empty box or None adds nothing."""
@@ -162,17 +168,21 @@ class Box:
     def grown(self, cells: int, within: Box | None = None) -> Box:
         """Box with a margin on every side, cut to `within`."""
         out = Box(
-            self.row_lo - cells, self.row_hi + cells,
-            self.column_lo - cells, self.column_hi + cells,
-        )  # fmt: skip
+            self.row_lo - cells,
+            self.row_hi + cells,
+            self.column_lo - cells,
+            self.column_hi + cells,
+        )
         return out if within is None else out.intersection(within)
 
     def intersection(self, within: Box) -> Box:
         """Intersection of two boxes; may be empty."""
         return Box(
-            max(self.row_lo, within.row_lo), min(self.row_hi, within.row_hi),
-            max(self.column_lo, within.column_lo), min(self.column_hi, within.column_hi),
-        )  # fmt: skip
+            max(self.row_lo, within.row_lo),
+            min(self.row_hi, within.row_hi),
+            max(self.column_lo, within.column_lo),
+            min(self.column_hi, within.column_hi),
+        )
 
 
 EMPTY = Box(0, 0, 0, 0)

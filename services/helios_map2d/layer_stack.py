@@ -66,8 +66,15 @@ class LayerStack:
 
     def view_of(self, depth_m: NDArray[np.float32], camera: Pinhole, reach: ViewExtent) -> View:
         """View of a checked depth image on the grid."""
-        return view_on_grid(depth_m, camera, reach, self.grid, self.rules.min_depth_m,
-                    self.rules.max_depth_m, self.rules.rays_per_cell)  # fmt: skip
+        return view_on_grid(
+            depth_m,
+            camera,
+            reach,
+            self.grid,
+            self.rules.min_depth_m,
+            self.rules.max_depth_m,
+            self.rules.rays_per_cell,
+        )
 
     def cone(self, view: View) -> Cone:
         """Cone over which a view's score is spread."""
@@ -227,9 +234,16 @@ class LayerStack:
         changed = np.zeros((box.rows // TILE, box.columns // TILE), np.uint8)
         border = np.zeros((box.rows // TILE + 2, box.columns // TILE + 2), np.uint8)
         extent = change_kernels.note_changes(
-            before, searched, self.occupancy.occupancy, self.search.explored,
-            (box.row_lo, box.column_lo), came_of_it, changed, border, TILE,
-        )  # fmt: skip
+            before,
+            searched,
+            self.occupancy.occupancy,
+            self.search.explored,
+            (box.row_lo, box.column_lo),
+            came_of_it,
+            changed,
+            border,
+            TILE,
+        )
         other = Box(*extent)
         if not other.empty:  # cells that become known are among the changed cells
             self.known = self.known.union(
@@ -242,8 +256,9 @@ class LayerStack:
         return [
             ((r + row, c + column), bool(flags & (SEEN_NOW | HEIGHTS)), bool(flags & HEIGHTS))
             for r, line in enumerate(changed.tolist())
-            for c, flags in enumerate(line) if flags
-        ]  # fmt: skip
+            for c, flags in enumerate(line)
+            if flags
+        ]
 
     def _note_known(self, box: Box) -> None:
         if self.known.holds(self.grid.to_world(box)):
@@ -261,8 +276,9 @@ def _bounds(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Lowest and highest x, y (m) of the known box of another map in this frame."""
     known, cell_m = stored.known, stored.grid.cell_m
-    corners = [(c, r) for r in (known.row_lo, known.row_hi)
-               for c in (known.column_lo, known.column_hi)]  # fmt: skip
+    corners = [
+        (c, r) for r in (known.row_lo, known.row_hi) for c in (known.column_lo, known.column_hi)
+    ]
     moved = T_here_there.of(np.array(corners, np.float64) * cell_m)
     return moved.min(axis=0), moved.max(axis=0)
 

@@ -79,10 +79,15 @@ class MapQueries:
             published, points_of(request.path_m), radius_m, request.comfort_m or DEFAULT_COMFORT_M
         )
         return pb.PathCostReply(
-            length_m=cost.length_m, cost_m=cost.cost_m, least_clearance_m=cost.least_clearance_m,
-            unknown_m=cost.unknown_m, blocked=cost.blocked, version=published.version,
-            samples_m=cost.samples_m.ravel().tolist(), clearance_m=cost.clearance_m.tolist(),
-        )  # fmt: skip
+            length_m=cost.length_m,
+            cost_m=cost.cost_m,
+            least_clearance_m=cost.least_clearance_m,
+            unknown_m=cost.unknown_m,
+            blocked=cost.blocked,
+            version=published.version,
+            samples_m=cost.samples_m.ravel().tolist(),
+            clearance_m=cost.clearance_m.tolist(),
+        )
 
 
 def published_of(maps: EpochMaps | None) -> MapSnapshot | None:

@@ -196,10 +196,12 @@ class PlaceSearch:
         self, stored: WorldId, present: WorldId, found: Alignment | None
     ) -> pb.Relocalisation:
         out = pb.Relocalisation(
-            state=self._fix.state, stored=world_to_proto(stored), present=world_to_proto(present),
+            state=self._fix.state,
+            stored=world_to_proto(stored),
+            present=world_to_proto(present),
             attempts=self._attempts,
             reason="the present map is too small" if found is None else found.reason,
-        )  # fmt: skip
+        )
         if found is not None:
             fit = found.fit
             out.overlap_m, out.agreement = fit.overlap_m, fit.agreement

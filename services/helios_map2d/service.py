@@ -322,11 +322,16 @@ class Map2DService:
         self._bus.publish(
             MAP2D_ACK,
             pb.Ack(
-                service="map2d", part=part, id=id, accepted=error is None,
-                reason="" if error is None else error.message, version=self._version(),
-                update_ms=update_ms, context_id=context_id,
+                service="map2d",
+                part=part,
+                id=id,
+                accepted=error is None,
+                reason="" if error is None else error.message,
+                version=self._version(),
+                update_ms=update_ms,
+                context_id=context_id,
             ),
-        )  # fmt: skip
+        )
 
     def _fresh(self, maps: EpochMaps) -> EpochMaps:
         if self._robot is not None:

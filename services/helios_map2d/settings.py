@@ -97,7 +97,14 @@ def vlfm_compatible(rules: MapRules) -> MapRules:
     with depth, and the cone of view counts as explored up to known obstacles, measured or not.
     """
     occupancy = replace(
-        rules.occupancy, band_rise_per_m=0.0, weak_pixels=1, strong_pixels=1, tail_ratio=10**6,
-        occupied_evidence=1, hit_gain=1, miss_loss=0, flying_jump_m=1e6,
-    )  # fmt: skip
+        rules.occupancy,
+        band_rise_per_m=0.0,
+        weak_pixels=1,
+        strong_pixels=1,
+        tail_ratio=10**6,
+        occupied_evidence=1,
+        hit_gain=1,
+        miss_loss=0,
+        flying_jump_m=1e6,
+    )
     return replace(rules, occupancy=occupancy, explored_by_cone=True, rays_per_cell=0.0)

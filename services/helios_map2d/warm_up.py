@@ -22,10 +22,15 @@ def warm_up() -> None:
     state.reset_search(SearchContext("warm-up", (), {"pick": ""}))
     for seq in (1, 2):
         frame = Frame(
-            FrameId("warm-up", 0, seq), seq, True, np.zeros((48, 64, 3), np.uint8),
-            np.full((48, 64), 1.0, np.float32), camera,
-            camera_on_base(np.eye(4), 1.0, 0.6), np.eye(4),
-        )  # fmt: skip
+            FrameId("warm-up", 0, seq),
+            seq,
+            True,
+            np.zeros((48, 64, 3), np.uint8),
+            np.full((48, 64), 1.0, np.float32),
+            camera,
+            camera_on_base(np.eye(4), 1.0, 0.6),
+            np.eye(4),
+        )
         state.integrate_frame(frame)
         state.integrate_values(Observation(frame, "warm-up", (), {"pick": 0.5}, "warm-up"))
     state.stack.frontiers.remember(
@@ -33,8 +38,9 @@ def warm_up() -> None:
     )
     state.publish_above(0)
     layer, spread = state.stack.values.layers["pick"], np.zeros((2, 2), np.float32)
-    fuse_maximum(layer.value, layer.confidence, (0, 0), spread, (0, 0, 0, 0), np.float32(0),
-                 np.float32(0))  # fmt: skip
+    fuse_maximum(
+        layer.value, layer.confidence, (0, 0), spread, (0, 0, 0, 0), np.float32(0), np.float32(0)
+    )
     state.published.line_of_sight((0.0, 0.0, 1.0), (1.0, 0.5, 0.5))
     kept = state.published
     EpochMap(rules, (0.0, 0.0), 0.2).restore(kept.ground, kept.layers)  # as after a restart

@@ -11,9 +11,11 @@ import io
 
 import cv2
 import numpy as np
+from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
-from helios_objectmap.gaussians import InstanceGaussians
+from helios_objectmap.fusion.semantics import marginal
+from helios_objectmap.gaussians import GaussianStore, InstanceGaussians
 from helios_objectmap.rendering.renderer_interface import Projection
 
 SH_C0 = 0.28209479177387814  # Y_00: colour = 0.5 + SH_C0 * f_dc
@@ -37,10 +39,14 @@ def ply(gaussians: InstanceGaussians) -> bytes:
     table[:, 13] = 1.0  # no rotation: spheres
     header = "\n".join(
         [
-            "ply", "format binary_little_endian 1.0", f"element vertex {n}",
-            *(f"property float {name}" for name in _PROPERTIES), "end_header", "",
+            "ply",
+            "format binary_little_endian 1.0",
+            f"element vertex {n}",
+            *(f"property float {name}" for name in _PROPERTIES),
+            "end_header",
+            "",
         ]
-    )  # fmt: skip
+    )
     return header.encode("ascii") + table.tobytes()
 
 
@@ -60,6 +66,36 @@ def npz(gaussians: InstanceGaussians) -> bytes:
     return out.getvalue()
 
 
+def layer_png(
+    projection: Projection,
+    store: GaussianStore,
+    layer: str,
+    class_name: str,
+    prior: tuple[float, int],
+) -> bytes:
+    """PNG of one of `LAYERS`: RGB, or uint16 millimetres for depth.
+
+    The last two layers need a class of the store. prior: concentration of each class, and number of
+    classes with "other". Raises InvalidInput.
+    """
+    rows = projection.rows
+    if layer == "color":
+        return png(color(projection, store.color[rows]))
+    if layer == "depth":
+        return png(depth_mm(projection))
+    if layer not in LAYERS or class_name not in store.class_names:
+        raise InvalidInput(
+            f"no picture of layer {layer!r} and class {class_name!r}; wanted one of "
+            f"{', '.join(LAYERS)}, and of {', '.join(store.class_names) or 'no class'}"
+        )
+    column = store.class_names.index(class_name)
+    evidence, total = store.class_evidence[rows, column], store.total_evidence[rows, column]
+    mean, deviation = marginal(evidence, total, *prior)
+    if layer == "probability":
+        return png(belief(projection, np.asarray(mean), 1.0))
+    return png(belief(projection, deviation, MOST_UNCERTAIN))
+
+
 def color(projection: Projection, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """RGB image [h, w, 3] on white. rgb: [k, 3] of `projection.rows`."""
     rendering = projection.render(rgb.astype(np.float32) / np.float32(255))
@@ -76,9 +112,11 @@ def belief(projection: Projection, values: NDArray[np.floating], most: float) ->
     """RGB image [h, w, 3] from dark (0) to yellow (`most`), on white. values: [k]."""
     rendering = projection.render(values.astype(np.float32)[:, None])
     share = np.divide(
-        rendering.features[0], rendering.coverage,
-        out=np.zeros_like(rendering.coverage), where=rendering.coverage > 1e-3,
-    )  # fmt: skip
+        rendering.features[0],
+        rendering.coverage,
+        out=np.zeros_like(rendering.coverage),
+        where=rendering.coverage > 1e-3,
+    )
     level = np.rint((share / most).clip(0, 1) * 255).astype(np.uint8)
     tint = cv2.applyColorMap(level, cv2.COLORMAP_VIRIDIS)[..., ::-1].astype(np.float32)
     cover = rendering.coverage[..., None]

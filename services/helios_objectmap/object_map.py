@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix
 from helios_core.types import AlignedBox, ObjectInstance, Observation, SearchContext
 from numpy.typing import NDArray
@@ -56,7 +55,6 @@ PICKED_M = 0.1  # half the width of a thing that a gripper picks, or more
 OPACITY = 0.99  # of a new Gaussian
 RADIUS_PX = 1.0  # standard deviation of a new Gaussian in the image
 CARVE_VIEWS = 2.0  # distinct views through a Gaussian that remove it
-HALF = 0.5
 WHOLE = 0.999  # sum of float32 shares from which a view counts as whole
 
 
@@ -98,9 +96,14 @@ class ObjectMap:
         self._sightings, self._image_text = content.sightings, content.image_text
         self._shown = ShownObject()
         self._beliefs = InstanceBeliefs(
-            self._settings, self._store, self._registry, self._classes, self._sightings,
-            self._name_errors, self._image_text,
-        )  # fmt: skip
+            self._settings,
+            self._store,
+            self._registry,
+            self._classes,
+            self._sightings,
+            self._name_errors,
+            self._image_text,
+        )
 
     def __len__(self) -> int:
         return len(self._store)
@@ -256,24 +259,21 @@ class ObjectMap:
             belief = self._beliefs.belief(instance_id)
         column = store.class_names.index(class_name)
         columns = self._columns if column in self._columns else [*self._columns, column]
-        if other_share is None:
-            other_share = HALF if s.assumption == "50-50" else 0.0
-        by_sides = s.by_sides
-        member = InstanceEvidence(
-            store.means[rows], store.radius_m[rows], store.opacity[rows],
-            store.class_evidence[rows][:, columns], store.total_evidence[rows, column],
-            store.votes[rows, column, :, 1] if by_sides else None,
-        )  # fmt: skip
-        parameters = EvidenceParameters(
-            s.prior_concentration, s.alpha_side if by_sides else s.alpha_cpa, s.alpha_cs,
-            other_share, s.prior_classes, belief.trust if belief is not None else 1.0,
-            s.side_views, self._beliefs.image_text_nats(instance_id) or 0.0,
-        )  # fmt: skip
+        parameters = EvidenceParameters.of(
+            s,
+            belief.trust if belief is not None else 1.0,
+            other_share,
+            self._beliefs.image_text_nats(instance_id) or 0.0,
+        )
         return information_gain.what_if(
-            self._back_end, member, columns.index(column),
-            [view.strided(s.stride_px) for view in views], parameters, s.max_depth_m,
+            self._back_end,
+            InstanceEvidence.of(store, rows, columns, column),
+            columns.index(column),
+            [view.strided(s.stride_px) for view in views],
+            parameters,
+            s.max_depth_m,
             s.expected_label == "rendered",
-        )  # fmt: skip
+        )
 
     def seen_area_m2(self, instance_id: int) -> float:
         """Surface of an instance seen so far; 0 if there is no such instance."""
@@ -295,28 +295,8 @@ class ObjectMap:
 
         layer: one of `export.LAYERS`; the last two need a class. Raises InvalidInput.
         """
-        store, prior = self._store, self._settings.prior_concentration
-        projection = self._project(view, FAR_M)
-        rows = projection.rows
-        if layer == "color":
-            return export.png(export.color(projection, store.color[rows]))
-        if layer == "depth":
-            return export.png(export.depth_mm(projection))
-        if layer not in export.LAYERS or class_name not in store.class_names:
-            raise InvalidInput(
-                f"no picture of layer {layer!r} and class {class_name!r}; wanted one of "
-                f"{', '.join(export.LAYERS)}, and of {', '.join(store.class_names) or 'no class'}"
-            )
-        column = store.class_names.index(class_name)
-        mean, deviation = marginal(
-            store.class_evidence[rows, column],
-            store.total_evidence[rows, column],
-            prior,
-            self._classes.prior_classes,
-        )
-        if layer == "probability":
-            return export.png(export.belief(projection, np.asarray(mean), 1.0))
-        return export.png(export.belief(projection, deviation, export.MOST_UNCERTAIN))
+        prior = self._settings.prior_concentration, self._classes.prior_classes
+        return export.layer_png(self._project(view, FAR_M), self._store, layer, class_name, prior)
 
     def grasp(self, instance_id: int) -> Grasp | None:
         """Points and grasp box of the Gaussians of an instance that have its class; None if
@@ -327,9 +307,11 @@ class ObjectMap:
             return None
         column = store.class_names.index(self._registry.records[instance_id].class_name)
         mean, _ = marginal(
-            store.class_evidence[rows, column], store.total_evidence[rows, column],
-            self._settings.prior_concentration, self._classes.prior_classes,
-        )  # fmt: skip
+            store.class_evidence[rows, column],
+            store.total_evidence[rows, column],
+            self._settings.prior_concentration,
+            self._classes.prior_classes,
+        )
         own = rows[mean > self._beliefs.box_threshold(instance_id, mean)]
         return grasp(store.means[own if len(own) else rows])
 
@@ -338,9 +320,15 @@ class ObjectMap:
     def content(self) -> MapContent:
         """Content of the map; its parts are the map's own objects, not copies."""
         return MapContent(
-            self._store, self._registry, self._viewpoints, self._classes.roles, self._updates,
-            self._sightings, self._image_text, self._added_updates,
-        )  # fmt: skip
+            self._store,
+            self._registry,
+            self._viewpoints,
+            self._classes.roles,
+            self._updates,
+            self._sightings,
+            self._image_text,
+            self._added_updates,
+        )
 
     def load_content(self, content: MapContent) -> None:
         """Replace the content of the map with that of a file.
@@ -474,9 +462,11 @@ class ObjectMap:
         if s.joined_by == "detections":
             sure = classes.sure_receptacles(observation.detections)
             self._registry.note_co_detections(
-                without_depth_below(reading, s.furniture_from_m), s.stride_px,
-                [d for d in sure if d.class_name in new_for], classes.voxel_m,
-            )  # fmt: skip
+                without_depth_below(reading, s.furniture_from_m),
+                s.stride_px,
+                [d for d in sure if d.class_name in new_for],
+                classes.voxel_m,
+            )
 
     def _creation_mask(self, reading: LabelImage, rendering: Rendering) -> NDArray[np.bool_]:
         detected = (reading.labels != OTHER_LABEL) | self._settings.full_scene
@@ -552,9 +542,15 @@ class ObjectMap:
         store = self._store
         s = self._settings
         new, in_core = most_likely_columns(
-            store.class_evidence, store.total_evidence, rows, self._columns, s.prior_concentration,
-            self._classes.prior_classes, s.named_from, s.core_from,
-        )  # fmt: skip
+            store.class_evidence,
+            store.total_evidence,
+            rows,
+            self._columns,
+            s.prior_concentration,
+            self._classes.prior_classes,
+            s.named_from,
+            s.core_from,
+        )
         differs = np.flatnonzero(
             (new != store.class_column[rows]) | (in_core != store.in_core[rows])
         )

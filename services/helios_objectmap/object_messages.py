@@ -40,9 +40,11 @@ def held_message(seen: ShownNames) -> pb.HeldObjectReply:
     """Message of the names of the shown object."""
     names = [pb.NameShare(name=name, share=share) for name, share in seen.names]
     return pb.HeldObjectReply(
-        probability=seen.probability, sides=seen.sides, names=names,
+        probability=seen.probability,
+        sides=seen.sides,
+        names=names,
         image_text_nats=seen.image_text_nats,
-    )  # fmt: skip
+    )
 
 
 def boxes_of(request: pb.NamesAtRequest) -> list[AlignedBox]:
@@ -110,9 +112,15 @@ def ack_message(
 ) -> pb.Ack:
     """Acknowledgement of an observation. reason: why it is refused; empty: it is accepted."""
     return pb.Ack(
-        service="objectmap", part=MapPart.OBJECTS, id=message.frame.id, accepted=not reason,
-        reason=reason, version=version, update_ms=update_ms, context_id=message.context_id,
-    )  # fmt: skip
+        service="objectmap",
+        part=MapPart.OBJECTS,
+        id=message.frame.id,
+        accepted=not reason,
+        reason=reason,
+        version=version,
+        update_ms=update_ms,
+        context_id=message.context_id,
+    )
 
 
 def with_own_color(observation: Observation) -> Observation:

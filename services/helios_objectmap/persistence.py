@@ -69,15 +69,20 @@ def arrays_of(
         "newest_boot_id": None if newest is None else newest.robot_boot_id,
         "next_label": content.registry.next_label,
         "records": {
-            label: [r.class_name, r.views, r.detected,
-                    [[m.stamp_ns, m.views, m.score, m.class_score] for m in r.history],
-                    r.detected_at.tolist(), r.in_core]
+            label: [
+                r.class_name,
+                r.views,
+                r.detected,
+                [[m.stamp_ns, m.views, m.score, m.class_score] for m in r.history],
+                r.detected_at.tolist(),
+                r.in_core,
+            ]
             for label, r in content.registry.records.items()
         },
         "ended": {
             name: [e.true.tolist(), e.all.tolist()] for name, e in content.registry.ended.items()
         },
-    }  # fmt: skip
+    }
     text = np.frombuffer(json.dumps(header).encode(), np.uint8)
     rows = {f"store.{name}": a for name, a in content.store.arrays().items()}
     views = {f"viewpoints.{name}": a for name, a in content.viewpoints.arrays().items()}
@@ -197,10 +202,13 @@ def _record(
 ) -> InstanceRecord:
     """Instance record of a file. Files of earlier builds lack the last two fields."""
     return InstanceRecord(
-        str(name), float(views), float(detected),
+        str(name),
+        float(views),
+        float(detected),
         _by_band([0.0, detected, 0.0] if detected_at is None else detected_at),
-        [Moment(int(t), float(v), float(s), float(c)) for t, v, s, c in history], bool(in_core),
-    )  # fmt: skip
+        [Moment(int(t), float(v), float(s), float(c)) for t, v, s, c in history],
+        bool(in_core),
+    )
 
 
 def _by_band(values: list) -> NDArray[np.float64]:

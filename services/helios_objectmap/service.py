@@ -331,9 +331,11 @@ class ObjectMapService:
             reply.reason = nothing_retired(request)
             log.warning("nothing was retired (%s): %s", request.reason, reply.reason)
         retired = pb.Retired(
-            request=request, retired_gaussians=count, object_id=reply.object_id,
+            request=request,
+            retired_gaussians=count,
+            object_id=reply.object_id,
             class_name=reply.class_name,
-        )  # fmt: skip
+        )
         if after is not None:
             retired.after.CopyFrom(frame_id_to_proto(after))
         self._bus.publish(RETIRED, retired)

@@ -63,9 +63,10 @@ class ShownObject:
         frame = observation.frame
         points_m = lift_pixels(frame.depth_m, frame.camera, frame.T_world_cam)
         named = {
-            d.class_name for d in (*observation.detections, *observation.others)
+            d.class_name
+            for d in (*observation.detections, *observation.others)
             if _is_at(d, points_m, np.asarray(shown.point_m))
-        }  # fmt: skip
+        }
         if named:
             side = round(shown.turn_rad / SIDE_RAD) % round(math.tau / SIDE_RAD)
             self._views.setdefault(side, []).append(named)

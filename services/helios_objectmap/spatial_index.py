@@ -135,16 +135,25 @@ class RowGroups:
             self._head = np.concatenate([self._head, np.full(more, _END, np.int32)])
             self._count = np.concatenate([self._count, np.zeros(more, np.int32)])
         _move(
-            np.asarray(rows, np.int64), np.ascontiguousarray(target),
-            self._group, self._next, self._previous, self._head, self._count,
-        )  # fmt: skip
+            np.asarray(rows, np.int64),
+            np.ascontiguousarray(target),
+            self._group,
+            self._next,
+            self._previous,
+            self._head,
+            self._count,
+        )
 
     def rename(self, sources: Rows, targets: Rows) -> None:
         """Renumber rows; the targets must be in no group."""
         _rename(
-            np.asarray(sources, np.int64), np.asarray(targets, np.int64),
-            self._group, self._next, self._previous, self._head,
-        )  # fmt: skip
+            np.asarray(sources, np.int64),
+            np.asarray(targets, np.int64),
+            self._group,
+            self._next,
+            self._previous,
+            self._head,
+        )
 
     def count_of(self, group: int) -> int:
         """Number of rows in a group."""

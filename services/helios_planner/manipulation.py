@@ -108,9 +108,11 @@ class Manipulation:
     def checkpoint(self) -> dict[str, Any]:
         """State that must outlive a crash of the planner, as JSON, for `restore`."""
         return {
-            "picks": self.picks, "falls": self.falls, "last_reason": self.last_reason,
+            "picks": self.picks,
+            "falls": self.falls,
+            "last_reason": self.last_reason,
             "failed_places": [[center, f.points, f.stands] for center, f in self._failed],
-        }  # fmt: skip
+        }
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         self.picks, self.falls = checkpoint["picks"], checkpoint["falls"]
@@ -187,9 +189,13 @@ class Manipulation:
         hides it: in a height map the boards of a shelf seem to do so."""
         for above_m, level in product((ON_TOP_M, ON_SHELF_M), self.base.levels):
             stand = stand_for(
-                target_m, self.base.reach(level), self.robot.description, self._reach_m, tried,
+                target_m,
+                self.base.reach(level),
+                self.robot.description,
+                self._reach_m,
+                tried,
                 above_m,
-            )  # fmt: skip
+            )
             if stand is None:
                 continue
             if self._stand_at(stand, target_m, purpose):
@@ -260,8 +266,11 @@ class Manipulation:
 
     def _failed_on(self, receptacle: ObjectInstance) -> _Failed:
         """Attempts on this receptacle in earlier calls that failed."""
-        earlier = [f for middle, f in self._failed
-                   if math.dist(middle, receptacle.center_m[:2]) < SAME_PLACE_M]  # fmt: skip
+        earlier = [
+            f
+            for middle, f in self._failed
+            if math.dist(middle, receptacle.center_m[:2]) < SAME_PLACE_M
+        ]
         return _Failed(
             [point for f in earlier for point in f.points],
             [stand for f in earlier for stand in f.stands],
@@ -310,9 +319,13 @@ class Manipulation:
             if not failed.lacks(point):
                 return None
             stand = stand_for(
-                point, self.base.reach(level), self.robot.description, self._reach_m, failed.stands,
+                point,
+                self.base.reach(level),
+                self.robot.description,
+                self._reach_m,
+                failed.stands,
                 tried_m=OTHER_SIDE_M,
-            )  # fmt: skip
+            )
             if stand is not None:
                 return Spot(point, stand, 0.0)
         return None
@@ -356,11 +369,12 @@ def seen_after(
     """Visibility of the placed object on or beside the receptacle, and its instance. before, now:
     all instances of its class. surface_m: height of the point at which it was released."""
     believed = [
-        o for o in now
+        o
+        for o in now
         if o.class_score >= least_class_score
         and all(math.dist(o.center_m, b.center_m) > SAME_INSTANCE_M for b in before)
         and math.dist(o.center_m[:2], receptacle.center_m[:2]) <= _around_m(receptacle)
-    ]  # fmt: skip
+    ]
     high = [o for o in believed if float(o.center_m[2]) >= surface_m - BELOW_M]
     on = [o for o in high if near_outline(receptacle, o.center_m, ON_OUTLINE_M)]
     if on:

@@ -90,11 +90,14 @@ def act_on_best(things: Sequence[ObjectInstance], scores: Sequence[float], why: 
     there is none. why: in words, for `helios why`."""
     candidates = tuple(
         Candidate(
-            "object", thing.class_name, position_of(thing),
-            {"score": thing.score, "views": float(thing.views), "total": float(score)}, thing.id,
+            "object",
+            thing.class_name,
+            position_of(thing),
+            {"score": thing.score, "views": float(thing.views), "total": float(score)},
+            thing.id,
         )
         for thing, score in zip(things, scores, strict=True)
-    )  # fmt: skip
+    )
     if not candidates:
         return Decision(why, Do.SEARCH_ON, (), None, f"search on: nothing is {why}")
     k = best_of(candidates)

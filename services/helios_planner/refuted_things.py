@@ -59,6 +59,7 @@ class RefutedThings:
 
     def _others(self, name: str, center_m: tuple[float, float, float]) -> list[RefutedThing]:
         return [
-            t for t in self._things
+            t
+            for t in self._things
             if t.class_name != name or math.dist(t.center_m, center_m) >= SAME_INSTANCE_M
-        ]  # fmt: skip
+        ]

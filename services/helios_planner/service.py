@@ -397,9 +397,16 @@ class PlannerService:
             hold = self._holds.setdefault(id, self._new_hold(id))
         settings = for_task(self._settings, task.settings)
         run = TaskExecutor(
-            self._bus, settings, self._description, self._acks, self._store, self._registry, task,
-            cancelled, hold,
-        )  # fmt: skip
+            self._bus,
+            settings,
+            self._description,
+            self._acks,
+            self._store,
+            self._registry,
+            task,
+            cancelled,
+            hold,
+        )
         try:
             run.run()
         finally:

@@ -16,8 +16,10 @@ from mcap.writer import CompressionType, Writer
 from helios_recorder.settings import MB, Settings
 
 COMPRESSION = {
-    "zstd": CompressionType.ZSTD, "lz4": CompressionType.LZ4, "none": CompressionType.NONE,
-}  # fmt: skip
+    "zstd": CompressionType.ZSTD,
+    "lz4": CompressionType.LZ4,
+    "none": CompressionType.NONE,
+}
 SYNC_EVERY_S = 5.0  # to the disk; a power cut loses this much at most
 DECLARE_EVERY_S = 10.0  # each time 80 kB
 
@@ -67,9 +69,12 @@ class RecordingFile:
         channel = self._table.channel(entry.channel, type(entry.message))
         self._sequence = (self._sequence + 1) % 2**32
         self._writer.add_message(
-            channel.id, log_time_ns, entry.message.SerializeToString(), publish_time_ns,
+            channel.id,
+            log_time_ns,
+            entry.message.SerializeToString(),
+            publish_time_ns,
             self._sequence,
-        )  # fmt: skip
+        )
         if self.bytes > before:
             self._declare()
 

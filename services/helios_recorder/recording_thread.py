@@ -71,8 +71,9 @@ class Recording:
             log.error(
                 "the disk is too slow: %.1f MB that waited are lost, and %s has no end (what is "
                 "in it can be read)",
-                self.inbox.bytes / MB, self.path,
-            )  # fmt: skip
+                self.inbox.bytes / MB,
+                self.path,
+            )
 
     def _run(self) -> None:
         while not self.inbox.closed:

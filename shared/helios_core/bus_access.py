@@ -32,10 +32,13 @@ class Access:
     def __or__(self, other: Access) -> Access:
         """Rights of both."""
         return Access(
-            _union(self.publishes, other.publishes), _union(self.subscribes, other.subscribes),
-            _union(self.serves, other.serves), _union(self.calls, other.calls),
-            _union(self.announces, other.announces), self.watches or other.watches,
-        )  # fmt: skip
+            _union(self.publishes, other.publishes),
+            _union(self.subscribes, other.subscribes),
+            _union(self.serves, other.serves),
+            _union(self.calls, other.calls),
+            _union(self.announces, other.announces),
+            self.watches or other.watches,
+        )
 
 
 def _union(a: tuple, b: tuple) -> tuple:
@@ -52,15 +55,27 @@ def _process(service: str) -> Access:
 
 
 SERVICES = (
-    "world", "bridge", "detector", "objectmap", "map2d", "planner", "gateway", "recorder",
+    "world",
+    "bridge",
+    "detector",
+    "objectmap",
+    "map2d",
+    "planner",
+    "gateway",
+    "recorder",
     "ros2",
-)  # fmt: skip
+)
 _ACKS = (t.MAP2D_ACK, t.OBJECTMAP_ACK)
 # Methods that a robot of your own serves (`--robot bus`), and the simulated world.
 _WORLD = (
-    t.WORLD_DESCRIBE, t.WORLD_STATE, t.WORLD_CAPTURE, t.WORLD_ACT, t.WORLD_WATCHED, t.WORLD_STOP,
+    t.WORLD_DESCRIBE,
+    t.WORLD_STATE,
+    t.WORLD_CAPTURE,
+    t.WORLD_ACT,
+    t.WORLD_WATCHED,
+    t.WORLD_STOP,
     t.WORLD_CLEAR_STOP,
-)  # fmt: skip
+)
 _TRUTH = tuple(method for method in t.METHODS if method.truth)
 _OF_SERVICES = tuple(m for m in t.METHODS if not m.truth and m not in _WORLD)
 _READING = (

@@ -52,9 +52,10 @@ class Repeater:
     """Sender of latest-wins topics that repeats the newest message of each. Thread-safe."""
 
     def __init__(
-        self, start_thread: Callable[[str, Callable[[], None]], None],
+        self,
+        start_thread: Callable[[str, Callable[[], None]], None],
         clock: Callable[[], float] = time.monotonic,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """start_thread: runs a named job until `close`; called at the first message.
         clock: monotonic seconds."""
         self._start_thread, self._clock = start_thread, clock

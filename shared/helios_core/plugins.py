@@ -177,9 +177,10 @@ def _arguments(
         parameters = {}
     collecting = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
     needed = [
-        name for name, p in parameters.items()
+        name
+        for name, p in parameters.items()
         if p.default is inspect.Parameter.empty and p.kind not in collecting
-    ]  # fmt: skip
+    ]
     if len(needed) == len(offered) and not set(needed) & set(offered):
         return dict(zip(needed, offered.values(), strict=True))
     if named.argument and "argument" not in parameters:

@@ -92,9 +92,14 @@ def split_frame(frame: pb.Frame, jpeg_quality: int | None) -> FrameParts:
     else:
         pixels = depth_mm_array(frame.compressed_depth)
         height, width = pixels.shape
-        depth = RawImage(width=width, height=height, encoding="16UC1", step=2 * width,
-                         frame_id=frame.compressed_depth.frame_id,
-                         data=pixels.astype("<u2").tobytes())  # fmt: skip
+        depth = RawImage(
+            width=width,
+            height=height,
+            encoding="16UC1",
+            step=2 * width,
+            frame_id=frame.compressed_depth.frame_id,
+            data=pixels.astype("<u2").tobytes(),
+        )
         head.raw_depth.CopyFrom(_without_data(depth))
     stamped_depth = depth if depth.HasField("timestamp") else _stamped(depth, frame)
     stamped_color = color if color.HasField("timestamp") else _stamped(color, frame)
@@ -144,8 +149,13 @@ def head_of(frame: pb.Frame) -> pb.Frame:
 
 
 def _without_data(image: RawImage) -> RawImage:
-    out = RawImage(width=image.width, height=image.height, encoding=image.encoding,
-                   step=image.step, frame_id=image.frame_id)  # fmt: skip
+    out = RawImage(
+        width=image.width,
+        height=image.height,
+        encoding=image.encoding,
+        step=image.step,
+        frame_id=image.frame_id,
+    )
     if image.HasField("timestamp"):
         out.timestamp.CopyFrom(image.timestamp)
     return out

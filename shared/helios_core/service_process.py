@@ -175,9 +175,14 @@ def publish_status(
     """Publish the status of a service; published: (state, reason). A failure is only logged, since
     the next status repeats the content."""
     status = pb.ServiceStatus(
-        service=service, instance=instance, state=published[0], reason=published[1],
-        pid=os.getpid(), uptime_s=uptime_s, metrics=metrics,
-    )  # fmt: skip
+        service=service,
+        instance=instance,
+        state=published[0],
+        reason=published[1],
+        pid=os.getpid(),
+        uptime_s=uptime_s,
+        metrics=metrics,
+    )
     try:
         bus.publish(status_topic(service), status)
     except HeliosError as error:

@@ -192,11 +192,15 @@ class KeptSpans:
     def add(self, span: ReadableSpan) -> None:
         assert span.context is not None
         kept = KeptSpan(
-            span.context.trace_id, span.context.span_id,
+            span.context.trace_id,
+            span.context.span_id,
             span.parent.span_id if span.parent is not None else 0,
-            span.name, span.start_time or 0, span.end_time or 0,
-            tuple((span.attributes or {}).items()), span.status.description or "",
-        )  # fmt: skip
+            span.name,
+            span.start_time or 0,
+            span.end_time or 0,
+            tuple((span.attributes or {}).items()),
+            span.status.description or "",
+        )
         with self._lock:
             self._dropped |= len(self._spans) == self._spans.maxlen
             self._spans.append(kept)

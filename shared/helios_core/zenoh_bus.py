@@ -105,10 +105,12 @@ class ZenohBus(Bus):
         with self._declaring(topic.name):
             if topic.qos is QoS.RETAINED:
                 subscriber = ext.declare_advanced_subscriber(
-                    self._session, key, channel,
+                    self._session,
+                    key,
+                    channel,
                     history=ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
                     recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
-                )  # fmt: skip
+                )
             else:
                 subscriber = self._session.declare_subscriber(key, channel)
 
@@ -279,12 +281,15 @@ class ZenohBus(Bus):
         key = topic.key(self.robot)
         if topic.qos is QoS.RETAINED:
             return ext.declare_advanced_publisher(
-                self._session, key, congestion_control=zenoh.CongestionControl.BLOCK,
-                cache=ext.CacheConfig(max_samples=1), publisher_detection=True,
+                self._session,
+                key,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                cache=ext.CacheConfig(max_samples=1),
+                publisher_detection=True,
                 sample_miss_detection=ext.MissDetectionConfig(
                     heartbeat=RETAINED_HEARTBEAT_S, sporadic_heartbeat=None
                 ),
-            )  # fmt: skip
+            )
         if topic.qos is QoS.LATEST_WINS:
             return self._session.declare_publisher(
                 key, congestion_control=zenoh.CongestionControl.BLOCK_FIRST

@@ -78,16 +78,26 @@ def router_config_of_file(file: Path, listen: str | None) -> zenoh.Config:
 
 def client_values(endpoints: Sequence[str], own: Credentials | None = None) -> dict[str, Any]:
     """Content of a client's configuration file."""
-    tls = None if own is None else {
-        "root_ca_certificate_base64": _base64(own.authority),
-        "connect_certificate_base64": _base64(own.certificate),
-        "connect_private_key_base64": _base64(own.key),
-        "enable_mtls": True, "verify_name_on_connect": True,
-    }  # fmt: skip
-    return _common(tls) | {"mode": "client", "connect": {
-        "endpoints": list(endpoints), "timeout_ms": 1000, "exit_on_failure": True,
-        "retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
-    }}  # fmt: skip
+    tls = (
+        None
+        if own is None
+        else {
+            "root_ca_certificate_base64": _base64(own.authority),
+            "connect_certificate_base64": _base64(own.certificate),
+            "connect_private_key_base64": _base64(own.key),
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+        }
+    )
+    return _common(tls) | {
+        "mode": "client",
+        "connect": {
+            "endpoints": list(endpoints),
+            "timeout_ms": 1000,
+            "exit_on_failure": True,
+            "retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
+        },
+    }
 
 
 def router_values(
@@ -96,16 +106,22 @@ def router_values(
     access_control: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Content of the router's configuration file."""
-    tls = None if own is None else {
-        "root_ca_certificate_base64": _base64(own.authority),
-        "listen_certificate_base64": _base64(own.certificate),
-        "listen_private_key_base64": _base64(own.key),
-        "enable_mtls": True,
-    }  # fmt: skip
+    tls = (
+        None
+        if own is None
+        else {
+            "root_ca_certificate_base64": _base64(own.authority),
+            "listen_certificate_base64": _base64(own.certificate),
+            "listen_private_key_base64": _base64(own.key),
+            "enable_mtls": True,
+        }
+    )
     access = {} if access_control is None else {"access_control": access_control}
-    return _common(tls) | access | {
-        "mode": "router", "listen": {"endpoints": list(endpoints), "exit_on_failure": True}
-    }  # fmt: skip
+    return (
+        _common(tls)
+        | access
+        | {"mode": "router", "listen": {"endpoints": list(endpoints), "exit_on_failure": True}}
+    )
 
 
 def _common(tls: dict[str, Any] | None) -> dict[str, Any]:

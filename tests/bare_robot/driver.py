@@ -23,9 +23,11 @@ def call(session, method, request, reply_type, timeout_s=30.0):
     """Call a method and join the pieces of its reply in order."""
     parts, count = {}, 0
     for reply in session.get(
-        f"{ROOT}svc/{method}", payload=request.SerializeToString(), timeout=timeout_s,
+        f"{ROOT}svc/{method}",
+        payload=request.SerializeToString(),
+        timeout=timeout_s,
         consolidation=zenoh.ConsolidationMode.NONE,
-    ):  # fmt: skip
+    ):
         if reply.err is not None:
             error = common_pb2.Error.FromString(reply.err.payload.to_bytes())
             raise Refused(common_pb2.ErrorKind.Name(error.kind), error.message)

@@ -26,10 +26,15 @@ def generate_messages(out: Path) -> None:
     base.write_bytes(foxglove.SerializeToString())
     protoc = [sys.executable, "-m", "grpc_tools.protoc"]
     subprocess.run(
-        [*protoc, f"--descriptor_set_in={base}", f"--proto_path={PROTO_ROOT}",
-         f"--descriptor_set_out={full}", *ours],
+        [
+            *protoc,
+            f"--descriptor_set_in={base}",
+            f"--proto_path={PROTO_ROOT}",
+            f"--descriptor_set_out={full}",
+            *ours,
+        ],
         check=True,
-    )  # fmt: skip
+    )
     merged = descriptor_pb2.FileDescriptorSet.FromString(full.read_bytes())
     merged.MergeFrom(foxglove)
     full.write_bytes(merged.SerializeToString())
@@ -44,8 +49,10 @@ def bare_robot(messages: Path, router: str) -> Iterator[None]:
     process = subprocess.Popen(
         [sys.executable, str(HERE / "robot.py"), router],
         env=os.environ | {"PYTHONPATH": str(messages)},
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     try:
         assert process.stdout is not None
         assert json.loads(process.stdout.readline()) == {"serves": 6, "imports_of_helios": []}
@@ -60,7 +67,10 @@ def bare_driver(messages: Path, router: str) -> dict:
     done = subprocess.run(
         [sys.executable, str(HERE / "driver.py"), router],
         env=os.environ | {"PYTHONPATH": str(messages)},
-        capture_output=True, text=True, timeout=200, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)

@@ -42,9 +42,12 @@ class Robot:
 
     def state(self, _):
         return robot_pb2.RobotState(
-            T_world_base=transform(self.base_rows()), tilt_rad=self.tilt_rad,
-            stopped=self.stopped.is_set(), robot_boot_id=self.boot_id, message=self.why,
-        )  # fmt: skip
+            T_world_base=transform(self.base_rows()),
+            tilt_rad=self.tilt_rad,
+            stopped=self.stopped.is_set(),
+            robot_boot_id=self.boot_id,
+            message=self.why,
+        )
 
     def capture(self, _):
         rows = self.camera_rows()
@@ -56,10 +59,13 @@ class Robot:
                 color += bytes(paint)
                 depth_mm += round(depth_m * 1000).to_bytes(2, "little")
         return robot_pb2.WorldCapture(
-            color=bytes(color), depth_mm=bytes(depth_mm), camera=pinhole(),
-            T_world_cam=transform(rows), T_world_base=transform(self.base_rows()),
+            color=bytes(color),
+            depth_mm=bytes(depth_mm),
+            camera=pinhole(),
+            T_world_cam=transform(rows),
+            T_world_base=transform(self.base_rows()),
             stamp_ns=time.time_ns(),
-        )  # fmt: skip
+        )
 
     def act(self, request):
         with self.turn:
@@ -93,11 +99,13 @@ class Robot:
         else:
             why_not = "" if kind == "observe" else "this robot has no hand"
         return robot_pb2.ActionResult(
-            action_id=action_id, succeeded=not why_not, reason=why_not,
+            action_id=action_id,
+            succeeded=not why_not,
+            reason=why_not,
             moved_m=math.hypot(self.x_m - x_m, self.y_m - y_m),
             turned_rad=math.remainder(self.yaw_rad - yaw_rad, 2 * math.pi),
             steps=len(self.results) + 1,
-        )  # fmt: skip
+        )
 
     def move(self, ahead_m, left_rad):
         steps = math.ceil(max(abs(ahead_m) / STEP_M, abs(left_rad) / STEP_RAD, 1))

@@ -57,9 +57,14 @@ class Vlfm:
 
         self.per_m = per_m
         self.obstacles: Any = ObstacleMap(
-            min_height=BAND_M[0], max_height=BAND_M[1], agent_radius=RADIUS_M, area_thresh=1.5,
-            hole_area_thresh=-1, size=cells, pixels_per_meter=per_m,
-        )  # fmt: skip
+            min_height=BAND_M[0],
+            max_height=BAND_M[1],
+            agent_radius=RADIUS_M,
+            area_thresh=1.5,
+            hole_area_thresh=-1,
+            size=cells,
+            pixels_per_meter=per_m,
+        )
         self.values: Any = ValueMap(len(SCORES), size=cells, use_max_confidence=fusion_max)
         self.cells = cells
 
@@ -71,9 +76,13 @@ class Vlfm:
 
     def value(self, frame: Frame, scores: dict[str, float]) -> None:
         self.values.update_map(
-            np.array(list(scores.values())), depth_of(frame), pose_of(frame), NEAR_M, FAR_M,
+            np.array(list(scores.values())),
+            depth_of(frame),
+            pose_of(frame),
+            NEAR_M,
+            FAR_M,
             frame.camera.hfov_rad,
-        )  # fmt: skip
+        )
 
     def frontiers(self) -> Any:
         return self.obstacles._get_frontiers()
@@ -120,10 +129,15 @@ def redkitchen(folder: Path) -> Iterator[Frame]:
         T = np.vstack([row[2:14].reshape(3, 4), [0, 0, 0, 1]])
         base = se2_to_se3(T[0, 3], T[1, 3], math.atan2(*heading_of(T)[::-1]))
         yield Frame(
-            FrameId("redkitchen", 0, int(row[0])), int(row[1] * 1e9), True,
+            FrameId("redkitchen", 0, int(row[0])),
+            int(row[1] * 1e9),
+            True,
             np.asarray(color[..., ::-1], np.uint8),
-            (depth * meta["depth_scale_m"]).astype(np.float32), camera, T, base,
-        )  # fmt: skip
+            (depth * meta["depth_scale_m"]).astype(np.float32),
+            camera,
+            T,
+            base,
+        )
 
 
 def timed(work: Callable[[], object]) -> float:
@@ -154,9 +168,10 @@ def speed(
         for name in ("map", "values", "frontiers"):
             peer = ms[f"vlfm {name}"]
             out.setdefault(name, {})[ground] = {
-                "ours_ms": round(ms[name], 3), "vlfm_ms": round(peer, 2),
+                "ours_ms": round(ms[name], 3),
+                "vlfm_ms": round(peer, 2),
                 "ratio": round(peer / ms[name], 1),
-            }  # fmt: skip
+            }
         out.setdefault("frame and observation, all published", {})[ground] = {
             "ours_ms": round(ms["published"], 3)
         }
@@ -192,9 +207,11 @@ def one_map(
         xy = ours.robot_pose[:2] if ours.robot_pose else (0.0, 0.0)
         frontiers_ms = timed(lambda: frontiers_of(stack, finder, tiles, xy))
         return {
-            "map": map_ms, "published": published_ms, "values": values_ms,
+            "map": map_ms,
+            "published": published_ms,
+            "values": values_ms,
             "frontiers": frontiers_ms,
-        }  # fmt: skip
+        }
 
     def of_vlfm(i: int) -> dict[str, float]:
         frame = frames[i % len(frames)]
@@ -216,8 +233,10 @@ def one_map(
 def by_size(frames: list[Frame], laps: int) -> dict[str, float]:
     """Median ms from a frame and its scores to all published, on maps of two sizes in turn."""
     sizes = (2000, 8000)
-    rules = [MapRules(size_cells=size, frontiers=FrontierRules(robot_radius_m=RADIUS_M))
-             for size in sizes]  # fmt: skip
+    rules = [
+        MapRules(size_cells=size, frontiers=FrontierRules(robot_radius_m=RADIUS_M))
+        for size in sizes
+    ]
     maps = [EpochMap(one, (0.0, 0.0), RADIUS_M) for one in rules]
     times: list[list[float]] = [[] for _ in sizes]
     for state in maps:
@@ -230,16 +249,18 @@ def by_size(frames: list[Frame], laps: int) -> dict[str, float]:
             ms = timed(lambda s=state, f=frame: s.integrate_frame(f))
             times[k].append(ms + timed(lambda s=state, o=seen: s.integrate_values(o)))
     ms = [statistics.median(taken[len(frames) :]) for taken in times]
-    named = {f"{size} x {size} cells, ms": round(took, 3)
-             for size, took in zip(sizes, ms, strict=True)}  # fmt: skip
+    named = {
+        f"{size} x {size} cells, ms": round(took, 3) for size, took in zip(sizes, ms, strict=True)
+    }
     return named | {"larger by": round(ms[1] / ms[0] - 1, 3)}
 
 
 def touched(ours: EpochMap) -> TileMask:
     """The tiles that the newest frame changed, and their neighbours."""
     new = [t for t, tile in ours.published.ground.items() if tile.version == ours.version]
-    return TileMask.of((r + dr, c + dc) for r, c in new
-                       for dr, dc in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)))  # fmt: skip
+    return TileMask.of(
+        (r + dr, c + dc) for r, c in new for dr, dc in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1))
+    )
 
 
 def frontiers_of(
@@ -255,10 +276,13 @@ def frontiers_of(
 def agreement(frames: list[Frame], cells: int, out: Path | None) -> dict[str, float]:
     """IoU of obstacles and of explored area; mean difference of the values that both maps have."""
     rules = MapRules(
-        cell_m=0.05, size_cells=cells, min_depth_m=NEAR_M, max_depth_m=FAR_M,
+        cell_m=0.05,
+        size_cells=cells,
+        min_depth_m=NEAR_M,
+        max_depth_m=FAR_M,
         occupancy=OccupancyRules(band_lo_m=BAND_M[0], band_hi_m=BAND_M[1]),
         frontiers=FrontierRules(robot_radius_m=RADIUS_M),
-    )  # fmt: skip
+    )
     same, default = EpochMap(vlfm_compatible(rules), (0.0, 0.0), 0.0), EpochMap(rules, (0, 0), 0.0)
     theirs = Vlfm(cells, 20)
     for state in (same, default):
@@ -275,14 +299,21 @@ def agreement(frames: list[Frame], cells: int, out: Path | None) -> dict[str, fl
     obstacles = theirs.upright(theirs.obstacles._map)
     explored = theirs.upright(theirs.obstacles.explored_area)
     values = theirs.upright(theirs.values._value_map[..., 0])
-    mine = [aligned(same, a, cells) for a in (same.stack.occupancy.occupancy == 100,
-                                               same.stack.search.explored > 0,
-                                               same.stack.values.layers["pick"].value)]  # fmt: skip
+    mine = [
+        aligned(same, a, cells)
+        for a in (
+            same.stack.occupancy.occupancy == 100,
+            same.stack.search.explored > 0,
+            same.stack.values.layers["pick"].value,
+        )
+    ]
     both = (mine[2] != 0) & (values != 0)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
-        usual = (aligned(default, default.stack.occupancy.occupancy == 100, cells),
-                 aligned(default, default.stack.search.explored > 0, cells))  # fmt: skip
+        usual = (
+            aligned(default, default.stack.occupancy.occupancy == 100, cells),
+            aligned(default, default.stack.search.explored > 0, cells),
+        )
         picture(out / "vlfm.png", [(obstacles, explored), (mine[0], mine[1]), usual])
     return {
         "obstacle_iou": round(iou(mine[0], obstacles, 1), 4),
@@ -330,8 +361,9 @@ def picture(path: Path, maps: list[tuple[NDArray, NDArray]]) -> None:
         rgb = np.full((*obstacles.shape, 3), 225, np.uint8)
         rgb[explored] = (200, 240, 200)
         rgb[obstacles] = (40, 40, 50)
-        part = cv2.resize(rgb[r0:r1, c0:c1][::-1], None, fx=3, fy=3,
-                          interpolation=cv2.INTER_NEAREST)  # fmt: skip
+        part = cv2.resize(
+            rgb[r0:r1, c0:c1][::-1], None, fx=3, fy=3, interpolation=cv2.INTER_NEAREST
+        )
         head = np.full((26, part.shape[1], 3), 255, np.uint8)
         cv2.putText(
             head, name, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (44, 50, 62), 1, cv2.LINE_AA
@@ -351,10 +383,11 @@ def main() -> None:
     parser.add_argument("--laps", type=int, default=3, help="over the frames; 0: no times")
     parser.add_argument("--maps", type=int, default=2, help="that begin empty, for times")
     parser.add_argument(
-        "--by-lap", action="store_true",
+        "--by-lap",
+        action="store_true",
         help="take turns after each lap, not after each frame: then the other side's arrays do not "
         "push ours out of the cache",
-    )  # fmt: skip
+    )
     parser.add_argument("--out", type=Path)
     args = parser.parse_args()
     sys.path[:0] = [str(args.vlfm), str(args.frontier_exploration)]

@@ -100,9 +100,12 @@ def _map_differences(a: ObjectMap, b: ObjectMap) -> dict[str, float]:
     ours, theirs = (sorted(m.objects(), key=lambda o: -o.gaussians) for m in (a, b))
     apart = [abs(o.score - t.score) for o, t in zip(ours, theirs, strict=False)]
     return {
-        "gaussians": len(a), "gaussians_cpu": len(b), "objects": len(ours),
-        "objects_cpu": len(theirs), "psi": max(apart, default=0.0),
-    }  # fmt: skip
+        "gaussians": len(a),
+        "gaussians_cpu": len(b),
+        "objects": len(ours),
+        "objects_cpu": len(theirs),
+        "psi": max(apart, default=0.0),
+    }
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -121,9 +124,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
     if chosen.json is not None:
         document = {
-            "machine": machine(), "gpu": torch.cuda.get_device_name(), "torch": torch.__version__,
-            "commit": commit(), "rows": [row.as_dict() | {"differences": gap} for row, gap in rows],
-        }  # fmt: skip
+            "machine": machine(),
+            "gpu": torch.cuda.get_device_name(),
+            "torch": torch.__version__,
+            "commit": commit(),
+            "rows": [row.as_dict() | {"differences": gap} for row, gap in rows],
+        }
         chosen.json.write_text(json.dumps(document, indent=1) + "\n")
 
 

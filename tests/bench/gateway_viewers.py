@@ -157,9 +157,14 @@ def measure(viewers: int, seconds: float) -> dict[str, float]:
         wall_s = time.monotonic() - began
         cpu_s = sum(gateway.cpu_times()[:2]) - spent
         memory = (gateway.memory_info().rss - memory_before) / 1e6
-        return {"viewers": viewers, "cpu_percent": round(cpu_s / wall_s * 100, 1),
-                "cpu_s": round(cpu_s, 2), "memory_mb": round(memory, 1),
-                "wall_s": round(wall_s, 1), **counts}  # fmt: skip
+        return {
+            "viewers": viewers,
+            "cpu_percent": round(cpu_s / wall_s * 100, 1),
+            "cpu_s": round(cpu_s, 2),
+            "memory_mb": round(memory, 1),
+            "wall_s": round(wall_s, 1),
+            **counts,
+        }
     finally:
         here.send("end")
         process.join(10)

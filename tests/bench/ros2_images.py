@@ -42,9 +42,12 @@ def measured(seconds: float) -> dict[str, Any]:
     ros = RosNode("bench")
     for what, choose in (("color", color_topic), ("depth", depth_topic)):
         TopicReader(
-            ros, lambda choose=choose: choose(ros.graph(), ""), (RAW,),
-            lambda m, what=what: on(what, m), 5,
-        )  # fmt: skip
+            ros,
+            lambda choose=choose: choose(ros.graph(), ""),
+            (RAW,),
+            lambda m, what=what: on(what, m),
+            5,
+        )
     ros.start()
     deadline_s = time.monotonic() + 20
     while not count[0] and time.monotonic() < deadline_s:
@@ -61,9 +64,10 @@ def measured(seconds: float) -> dict[str, Any]:
     for what, values in late_ms.items():
         p50, p95 = np.percentile(values, [50, 95]) if values else (np.nan, np.nan)
         out[what] = {
-            "hz": round(len(values) / took_s, 2), "p50_ms": round(float(p50), 1),
+            "hz": round(len(values) / took_s, 2),
+            "p50_ms": round(float(p50), 1),
             "p95_ms": round(float(p95), 1),
-        }  # fmt: skip
+        }
     return out
 
 

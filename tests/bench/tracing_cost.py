@@ -64,9 +64,10 @@ def span_costs() -> dict[str, float]:
         endpoint = f"http://127.0.0.1:{port}/v1/traces"
         batch = BatchSpanProcessor(OTLPSpanExporter(endpoint), max_queue_size=2 * SPANS)
         kinds = {
-            "off": None, "kept": SpanRecording("bench", "r"),
+            "off": None,
+            "kept": SpanRecording("bench", "r"),
             "exported": SpanRecording("bench", "r", (batch,)),
-        }  # fmt: skip
+        }
         time.sleep(1.0)  # the receiver starts
         took: dict[str, list[float]] = {name: [] for name in kinds}
         for _ in range(ROUNDS):  # in turns

@@ -103,9 +103,14 @@ def all_attempts(identities: Iterable[Identity], targets: Targets) -> set[Attemp
     everything = (*data, *targets.methods)
     tokens = (*targets.tokens, *targets.caches)
     of = {
-        "put": everything, "delete": everything, "subscribe": data, "serve": answers,
-        "call": answers, "announce": tokens, "watch": tokens,
-    }  # fmt: skip
+        "put": everything,
+        "delete": everything,
+        "subscribe": data,
+        "serve": answers,
+        "call": answers,
+        "announce": tokens,
+        "watch": tokens,
+    }
     return {
         (i.name, operation, key) for i in identities for operation in of for key in of[operation]
     }
@@ -225,9 +230,12 @@ def served(witness: zenoh.Session, sessions: Sessions, targets: Targets) -> set[
     through: set[Attempt] = set()
     for key in keys:
         replies = witness.get(
-            key, zenoh.handlers.FifoChannel(64), timeout=10, target=zenoh.QueryTarget.ALL,
+            key,
+            zenoh.handlers.FifoChannel(64),
+            timeout=10,
+            target=zenoh.QueryTarget.ALL,
             consolidation=zenoh.ConsolidationMode.NONE,
-        )  # fmt: skip
+        )
         through |= {(r.ok.payload.to_string(), "serve", key) for r in replies if r.ok is not None}
     for one in declared:
         one.undeclare()

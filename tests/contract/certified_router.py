@@ -25,9 +25,16 @@ WITNESS = "witness"
 MARKS = "test/**"  # keys that every certificate may use, so that a test knows when it is through
 WITHIN_S = 30.0
 EVERYTHING = (
-    "put", "delete", "declare_subscriber", "query", "reply", "declare_queryable",
-    "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
-)  # fmt: skip
+    "put",
+    "delete",
+    "declare_subscriber",
+    "query",
+    "reply",
+    "declare_queryable",
+    "liveliness_token",
+    "liveliness_query",
+    "declare_liveliness_subscriber",
+)
 
 
 @dataclass(frozen=True)
@@ -60,9 +67,14 @@ def certified_router(folder: Path, names: Names) -> Iterator[Certified]:
     add_witness(folder, now)
     port = free_port()
     argv = [
-        sys.executable, "-m", "helios_core.router", "--certs", str(folder), "--listen",
+        sys.executable,
+        "-m",
+        "helios_core.router",
+        "--certs",
+        str(folder),
+        "--listen",
         f"tls/127.0.0.1:{port}",
-    ]  # fmt: skip
+    ]
     process = subprocess.Popen(argv)
     out = Certified(folder, port, names.identities)
     try:
@@ -95,12 +107,18 @@ def add_witness(folder: Path, now: dt.datetime) -> None:
     everyone = [subject["id"] for subject in access["subjects"]]
     access["subjects"].append({"id": WITNESS, "cert_common_names": [WITNESS]})
     for id, keys, subjects in (
-        ("all", ["**", "**/@adv/**"], [WITNESS]), ("marks", [MARKS], everyone),
-    ):  # fmt: skip
-        access["rules"].append({
-            "id": id, "permission": "allow", "flows": ["ingress", "egress"],
-            "messages": list(EVERYTHING), "key_exprs": keys,
-        })  # fmt: skip
+        ("all", ["**", "**/@adv/**"], [WITNESS]),
+        ("marks", [MARKS], everyone),
+    ):
+        access["rules"].append(
+            {
+                "id": id,
+                "permission": "allow",
+                "flows": ["ingress", "egress"],
+                "messages": list(EVERYTHING),
+                "key_exprs": keys,
+            }
+        )
         access["policies"].append({"rules": [id], "subjects": subjects})
     router.write_text(json.dumps(values))
 

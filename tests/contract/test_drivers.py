@@ -47,9 +47,12 @@ class TestExample(DriverContract):
     @contextmanager
     def stand(cls) -> Iterator[Rig]:
         yield Rig(
-            RoomRobot(), tolerance_m=0.01, tolerance_rad=0.01, depth_tolerance_m=0.02,
+            RoomRobot(),
+            tolerance_m=0.01,
+            tolerance_rad=0.01,
+            depth_tolerance_m=0.02,
             started_again=lambda: closing(RoomRobot()),
-        )  # fmt: skip
+        )
 
 
 class TestSimulator(DriverContract):
@@ -226,9 +229,14 @@ def record_folder(folder: Path, frames: int) -> None:
     lines = [header, *(_keep(folder, k, _next(robot, k)) for k in range(frames))]
     (folder / "poses.csv").write_text("\n".join(lines) + "\n")
     meta = {
-        "width": CAMERA.width, "height": CAMERA.height, "fx": CAMERA.fx, "fy": CAMERA.fy,
-        "cx": CAMERA.cx, "cy": CAMERA.cy, "depth_scale_m": 0.001,
-    }  # fmt: skip
+        "width": CAMERA.width,
+        "height": CAMERA.height,
+        "fx": CAMERA.fx,
+        "fy": CAMERA.fy,
+        "cx": CAMERA.cx,
+        "cy": CAMERA.cy,
+        "depth_scale_m": 0.001,
+    }
     (folder / "meta.json").write_text(json.dumps(meta))
 
 

@@ -27,8 +27,11 @@ def router(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Certified]:
 def probe(variables: Mapping[str, str], *flags: str) -> tuple[int, str]:
     done = subprocess.run(
         [sys.executable, "-m", "helios_core.health_probe", "planner", *flags],
-        env=_environment() | dict(variables), capture_output=True, text=True, timeout=60,
-    )  # fmt: skip
+        env=_environment() | dict(variables),
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     return done.returncode, done.stderr
 
 

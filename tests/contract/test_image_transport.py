@@ -108,8 +108,9 @@ def test_another_program_reads_and_writes_plain_protobuf(
     frame.id.seq = 4
     wait_until(
         lambda: other.put(key, frame.SerializeToString()) or any(m.id.seq == 4 for m in ours),
-        20, "its frame is heard",
-    )  # fmt: skip
+        20,
+        "its frame is heard",
+    )
     assert apart(next(m for m in ours if m.id.seq == 4)).whole() == frame
 
 

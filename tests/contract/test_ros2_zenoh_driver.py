@@ -90,13 +90,20 @@ class ZenohRobot:
         color, depth_m = look(CAMERA, camera_on_base(base, HEIGHT_M, TILT_RAD))
         image = self.node.interface("sensor_msgs/msg/Image")
         for publisher, pixels, encoding in (
-            (self._color, color, "rgb8"), (self._depth, depth_m, "32FC1")
-        ):  # fmt: skip
+            (self._color, color, "rgb8"),
+            (self._depth, depth_m, "32FC1"),
+        ):
             data = np.frombuffer(np.ascontiguousarray(pixels).tobytes(), np.uint8)
             publisher.publish(
-                image(header=header, height=120, width=160, encoding=encoding,
-                      step=pixels.strides[0], data=data)
-            )  # fmt: skip
+                image(
+                    header=header,
+                    height=120,
+                    width=160,
+                    encoding=encoding,
+                    step=pixels.strides[0],
+                    data=data,
+                )
+            )
         info = self.node.interface("sensor_msgs/msg/CameraInfo")
         k = CAMERA.matrix.ravel()
         self._info.publish(

@@ -42,7 +42,8 @@ def own_robot_up(
     with helios_up(folder / "state", *flags, kind=OwnUp, environment=home) as up:
         wait_until(
             lambda: up.process.poll() is not None or up.are_ready(*needed),
-            120, f"{' and '.join(needed)} are ready",
-        )  # fmt: skip
+            120,
+            f"{' and '.join(needed)} are ready",
+        )
         assert up.process.poll() is None, "helios up ended"
         yield up

@@ -22,10 +22,16 @@ from tests.support import LOOPBACK, wait_until
 pytestmark = pytest.mark.timeout(420)
 RECORDER = Path(__file__).parents[1] / "bus_recorder"
 MODULES = {
-    "helios_sim": "world", "helios_bridge": "bridge", "helios_detector": "detector",
-    "helios_objectmap": "objectmap", "helios_map2d": "map2d", "helios_planner": "planner",
-    "helios_gateway": "gateway", "helios_recorder": "recorder", "helios_client": "supervisor",
-}  # fmt: skip
+    "helios_sim": "world",
+    "helios_bridge": "bridge",
+    "helios_detector": "detector",
+    "helios_objectmap": "objectmap",
+    "helios_map2d": "map2d",
+    "helios_planner": "planner",
+    "helios_gateway": "gateway",
+    "helios_recorder": "recorder",
+    "helios_client": "supervisor",
+}
 
 
 @pytest.fixture(scope="module")
@@ -86,12 +92,13 @@ def test_a_task_succeeds_and_each_service_does_only_what_the_table_allows(
 ELSEWHERE = {
     "bridge": ("subscribe helios/v1/robot/*/status", "watch robot"),
     "detector": (
-        "subscribe helios/v1/robot/detector/claim", "subscribe helios/v1/robot/objectmap/ack",
+        "subscribe helios/v1/robot/detector/claim",
+        "subscribe helios/v1/robot/objectmap/ack",
     ),
     "map2d": ("subscribe helios/v1/robot/bridge/frame",),
     "planner": ("subscribe helios/v1/robot/detector/observation",),
     "supervisor": ("subscribe helios/v1/robot/ros2/status",),
-}  # fmt: skip
+}
 
 
 def allowed(service: str) -> set[str]:

@@ -38,7 +38,10 @@ def test_twenty_faults_lose_no_task(tmp_path: Path) -> None:
 def test_an_unknown_kind_of_fault_is_wrong_use(tmp_path: Path) -> None:
     ended = subprocess.run(
         [*COMMAND, "--kinds", "kill,burn", "--json", str(tmp_path / "a.json")],
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     assert ended.returncode == 2
     assert "no fault is called 'burn'; wanted some of kill" in ended.stderr

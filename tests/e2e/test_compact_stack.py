@@ -42,9 +42,16 @@ pytestmark = pytest.mark.timeout(600)
 TOGETHER = ("bridge", "detector", "objectmap", "map2d", "planner", "gateway")
 ALL = ("router", "world", *TOGETHER)
 PUBLISHED: tuple[Topic[Any], ...] = (
-    ROBOT_STATE, KEYFRAME, OBSERVATION, MAP2D_ACK, OBJECTMAP_ACK, TASK, PLAN, DECISION,
+    ROBOT_STATE,
+    KEYFRAME,
+    OBSERVATION,
+    MAP2D_ACK,
+    OBJECTMAP_ACK,
+    TASK,
+    PLAN,
+    DECISION,
     *map(status_topic, TOGETHER),
-)  # fmt: skip
+)
 
 
 @pytest.fixture(scope="module")
@@ -68,8 +75,11 @@ def test_the_status_names_every_service_and_one_process_runs_them(stack: Stack) 
     port = stack.address.rsplit(":", 1)[1]
     done = subprocess.run(
         [sys.executable, "-m", "helios_client", "status", "--json", "--port", port],
-        capture_output=True, text=True, timeout=60, check=True,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
     status = json.loads(done.stdout)
     rows = {s["name"]: s for s in status["services"]}
     assert status["ready"]
@@ -119,8 +129,11 @@ def test_a_task_goes_on_after_the_process_was_killed_and_succeeds(
 def test_the_log_of_a_service_is_that_of_the_process(stack: Stack) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "helios_client", "logs", "map2d", "--state", str(stack.state)],
-        capture_output=True, text=True, timeout=60, check=True,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
     for name in TOGETHER:
         assert f" {name} INFO ready" in done.stdout
 

@@ -69,8 +69,9 @@ def phases(page: Page) -> list[str | None]:
 
 def test_a_task_is_submitted_and_watched_until_it_succeeds(page: Page, gateway: Served) -> None:
     submit(page)
-    gateway.backend.change_task("t1", "running", phase="pick", message="drives to the mug",
-                              seeking="mug", progress=0.4)  # fmt: skip
+    gateway.backend.change_task(
+        "t1", "running", phase="pick", message="drives to the mug", seeking="mug", progress=0.4
+    )
     expect(page.locator("#task-message")).to_have_text("drives to the mug")
     assert phases(page) == ["done", "active", "waiting", "waiting"]
     gateway.backend.decide()
@@ -315,14 +316,24 @@ def test_the_page_is_accessible(
     """axe finds no violation of WCAG 2.1 A and AA while a task, a decision and an object show."""
     width, height = SIZES[kind]
     page = opened(
-        browser, gateway.url, [],
-        viewport={"width": width, "height": height}, has_touch=kind == "tablet",
-        color_scheme="dark" if kind == "dark" else "light", reduced_motion="reduce",
-    )  # fmt: skip
+        browser,
+        gateway.url,
+        [],
+        viewport={"width": width, "height": height},
+        has_touch=kind == "tablet",
+        color_scheme="dark" if kind == "dark" else "light",
+        reduced_motion="reduce",
+    )
     submit(page)
-    gateway.backend.change_task("t1", "running", phase="find_object", seeking="mug", steps=37,
-                              message="drives to where the coffee table shows",
-                              progress=0.35)  # fmt: skip
+    gateway.backend.change_task(
+        "t1",
+        "running",
+        phase="find_object",
+        seeking="mug",
+        steps=37,
+        message="drives to where the coffee table shows",
+        progress=0.35,
+    )
     gateway.backend.decide()
     gateway.backend.publish_plan()
     page.click("text=Value: pick")

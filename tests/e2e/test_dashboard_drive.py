@@ -219,9 +219,9 @@ def test_the_remaining_time_of_a_task_is_shown_where_it_is_known(
     expect(page.locator("#task-facts")).not_to_contain_text("left")
     task = LOOPBACK.get(f"{gateway.url}/v1/tasks/t1").json() | {"eta_s": [20.2, 44.9]}
     event = f"event: task\ndata: {json.dumps(task)}\n\n"
-    page.route("**/v1/events", lambda route: route.fulfill(
-        body=event, content_type="text/event-stream"
-    ))  # fmt: skip
+    page.route(
+        "**/v1/events", lambda route: route.fulfill(body=event, content_type="text/event-stream")
+    )
     page.reload()
     expect(page.locator("#task-facts")).to_contain_text("about 20 to 45 s")
 
@@ -231,9 +231,11 @@ def test_the_drive_pad_is_accessible(
     kind: str, size: tuple[int, int], browser: Browser, gateway: Served, tmp_path: Path
 ) -> None:
     page = browser.new_page(
-        viewport={"width": size[0], "height": size[1]}, has_touch=kind == "tablet",
-        color_scheme="dark" if kind == "dark" else "light", reduced_motion="reduce",
-    )  # fmt: skip
+        viewport={"width": size[0], "height": size[1]},
+        has_touch=kind == "tablet",
+        color_scheme="dark" if kind == "dark" else "light",
+        reduced_motion="reduce",
+    )
     page.set_default_timeout(DEADLINE_MS)
     page.goto(gateway.url)
     expect(page.get_by_label(AHEAD)).to_be_enabled()

@@ -31,9 +31,12 @@ def arguments(out: Path, *more: str) -> list[str]:
 def start(out: Path, *more: str) -> subprocess.Popen[str]:
     """Start the command in its own process group, as a shell would."""
     return subprocess.Popen(
-        arguments(out, *more), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        arguments(out, *more),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
         start_new_session=True,
-    )  # fmt: skip
+    )
 
 
 def facts(records: list[EpisodeRecord]) -> dict[str, dict]:
@@ -97,8 +100,9 @@ def test_a_killed_run_resumes_and_plays_only_the_missing_episodes(
     try:
         wait_until(
             lambda: first.poll() is not None or (episodes.exists() and episodes.read_text()),
-            200, "an episode is written",
-        )  # fmt: skip
+            200,
+            "an episode is written",
+        )
     finally:
         os.killpg(first.pid, signal.SIGKILL)
         first.communicate()
@@ -145,8 +149,9 @@ def test_a_terminated_run_writes_the_report_of_its_finished_episodes(tmp_path: P
     try:
         wait_until(
             lambda: run.poll() is not None or (episodes.exists() and episodes.read_text()),
-            200, "an episode is written",
-        )  # fmt: skip
+            200,
+            "an episode is written",
+        )
         os.kill(run.pid, signal.SIGTERM)
         _, error = run.communicate(timeout=100)
         assert run.returncode == 128 + signal.SIGTERM
@@ -168,7 +173,10 @@ def test_a_terminated_run_writes_the_report_of_its_finished_episodes(tmp_path: P
 def test_a_ray_cluster_gives_the_same_results(complete_run: Path, tmp_path: Path) -> None:
     done = subprocess.run(
         arguments(tmp_path, "--ray", "local"),
-        capture_output=True, text=True, timeout=280, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=280,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert facts(episode_record.read(tmp_path)) == facts(episode_record.read(complete_run))

@@ -43,17 +43,25 @@ class Machine:
         """Start `helios up` here; it ends with the test."""
         log = self._running.enter_context((self.folder / f"up{len(flags)}.log").open("ab"))
         process = subprocess.Popen(
-            self._command("up", *flags), cwd=self.folder, env=self._environment(), stdout=log,
+            self._command("up", *flags),
+            cwd=self.folder,
+            env=self._environment(),
+            stdout=log,
             stderr=subprocess.STDOUT,
-        )  # fmt: skip
+        )
         self._running.callback(end, process)
         return process
 
     def helios(self, *args: str) -> str:
         done = subprocess.run(
-            self._command(*args), cwd=self.folder, env=self._environment(), capture_output=True,
-            text=True, timeout=READY_S, check=False,
-        )  # fmt: skip
+            self._command(*args),
+            cwd=self.folder,
+            env=self._environment(),
+            capture_output=True,
+            text=True,
+            timeout=READY_S,
+            check=False,
+        )
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -137,8 +145,9 @@ def test_two_robots_on_another_machine_share_a_queue(machines: tuple[Machine, Ma
     robots = start(server, base)
     wait_until(
         lambda: [r["state"] for r in server.fleet()["robots"]] == ["idle", "idle"],
-        READY_S, "both robots are idle",
-    )  # fmt: skip
+        READY_S,
+        "both robots are idle",
+    )
     found = json.loads(server.helios("task", "find the box", "--robot", "any", "--json"))
     assert found["state"] == "succeeded"
     again = json.loads(server.helios("task", "find the box", "--robot", "any", "--json"))

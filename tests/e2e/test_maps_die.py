@@ -187,8 +187,10 @@ def is_near(a: pb.ObjectInstance, b: pb.ObjectInstance) -> bool:
 def assert_knows_ground(now: MapView, then: MapView, newest: int) -> None:
     assert now.frame_id.seq >= newest
     assert now.version > then.version
-    row, column = (round((b - a) / now.cell_m) for a, b in
-                   zip(now.origin_m[::-1], then.origin_m[::-1], strict=True))  # fmt: skip
+    row, column = (
+        round((b - a) / now.cell_m)
+        for a, b in zip(now.origin_m[::-1], then.origin_m[::-1], strict=True)
+    )
     assert row >= 0 <= column
     rows, columns = then.shape
     same_ground = now.occupancy[row : row + rows, column : column + columns]

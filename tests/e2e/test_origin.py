@@ -91,8 +91,11 @@ def test_maps_are_restored_only_after_a_start_with_the_same_origin_id(tmp_path: 
     with up(tmp_path, "elsewhere:Elsewhere") as third:
         wait_until(lambda: not objects(third), 60, "another world holds nothing of it")
         wait_until(
-            lambda: "has other coordinates than the robot has now"
-            in third.services()["objectmap"]["reason"],
-            60, "the object map says why it holds nothing",
-        )  # fmt: skip
+            lambda: (
+                "has other coordinates than the robot has now"
+                in third.services()["objectmap"]["reason"]
+            ),
+            60,
+            "the object map says why it holds nothing",
+        )
         assert "restored" not in third.services()["objectmap"]["reason"]

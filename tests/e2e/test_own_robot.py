@@ -57,9 +57,13 @@ def test_the_example_program_of_the_docs_drives_the_robot_and_receives_the_map(
     assert len(program.splitlines()) <= 40, "short enough to read"
     (tmp_path / "drive.py").write_text(program)
     done = subprocess.run(
-        [sys.executable, "drive.py", up.router], cwd=tmp_path, capture_output=True, text=True,
-        timeout=120, check=False,
-    )  # fmt: skip
+        [sys.executable, "drive.py", up.router],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     *steps, known = done.stdout.splitlines()
     assert [line.split()[:2] for line in steps] == 4 * [["forward", "True"], ["turn", "True"]]
@@ -135,8 +139,10 @@ def test_the_planner_drives_the_example_robot_and_finds_an_object(up: OwnUp) -> 
 
     def ended() -> bool:
         return LOOPBACK.get(f"{address}/{task['id']}", timeout=20).json()["state"] in (
-            "succeeded", "failed", "cancelled",
-        )  # fmt: skip
+            "succeeded",
+            "failed",
+            "cancelled",
+        )
 
     wait_until(ended, 240, "the task has ended")
     task = LOOPBACK.get(f"{address}/{task['id']}", timeout=20).json()

@@ -54,9 +54,14 @@ def test_the_curl_command_of_the_docs_works(up: OwnUp, tmp_path: Path) -> None:
     write_frame(tmp_path)
     line = line.replace("http://127.0.0.1:8080", up.address)
     done = subprocess.run(
-        ["bash", "-c", line], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True,
+        ["bash", "-c", line],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
         env=os.environ,
-    )  # fmt: skip
+    )
     answer = json.loads(done.stdout)
     assert answer["integrated"], answer
     assert [m["map"] for m in answer["maps"]] == ["map2d/occupancy"]
@@ -70,8 +75,9 @@ def test_pushed_frames_build_a_map(up: OwnUp, tmp_path: Path) -> None:
         assert answer.json()["integrated"]
     wait_until(
         lambda: LOOPBACK.get(f"{up.address}/v1/map/occupancy.png", timeout=10).status_code == 200,
-        20, "there is a picture of the map",
-    )  # fmt: skip
+        20,
+        "there is a picture of the map",
+    )
     assert LOOPBACK.get(f"{up.address}/v1/camera.jpg", timeout=10).status_code == 200
 
 
@@ -143,9 +149,11 @@ def test_invalid_input_is_refused_and_ends_no_service(up: OwnUp, tmp_path: Path)
     for wrong in spoiled:
         parts = good | wrong
         answer = LOOPBACK.post(
-            f"{up.address}/v1/frames", data={"meta": parts["meta"]},
-            files={"color": parts["color"], "depth": parts["depth"]}, timeout=30,
-        )  # fmt: skip
+            f"{up.address}/v1/frames",
+            data={"meta": parts["meta"]},
+            files={"color": parts["color"], "depth": parts["depth"]},
+            timeout=30,
+        )
         assert answer.status_code == 400, (wrong.keys(), answer.text)
         assert answer.headers["content-type"] == "application/problem+json"
     refused = LOOPBACK.post(f"{up.address}/v1/frames", content=b"x" * 17_000_000, timeout=30)

@@ -108,9 +108,14 @@ def test_the_readme_commands_succeed_in_order(stack: Stack) -> None:
             continue
         began_s = time.monotonic()
         done = subprocess.run(
-            ["bash", "-c", stack.adapted(command)], env=stack.environment, cwd=stack.folder,
-            capture_output=True, text=True, timeout=500, check=False,
-        )  # fmt: skip
+            ["bash", "-c", stack.adapted(command)],
+            env=stack.environment,
+            cwd=stack.folder,
+            capture_output=True,
+            text=True,
+            timeout=500,
+            check=False,
+        )
         print(f"{time.monotonic() - began_s:6.1f} s  {command}")
         assert done.returncode == 0, f"{command}\n{done.stdout[-1500:]}\n{done.stderr[-1500:]}"
         if command.startswith("curl"):
@@ -124,9 +129,10 @@ def test_the_dashboard_shows_the_succeeded_task(stack: Stack, tmp_path: Path) ->
     with chromium() as browser:
         for name, (width, height) in SIZES.items():
             page = browser.new_page(
-                viewport={"width": width, "height": height}, has_touch=name == "tablet",
+                viewport={"width": width, "height": height},
+                has_touch=name == "tablet",
                 color_scheme="dark" if name == "dark" else "light",
-            )  # fmt: skip
+            )
             page.goto(f"http://localhost:{stack.port}")
             page.locator(f'#history [data-id="{stack.task_id}"]').click()
             page.locator("#task-state", has_text="succeeded").wait_for()

@@ -127,9 +127,11 @@ def play(folder: Path, rate: float = 0.0, limit: int = 0) -> Maps:
             token = bus.call(LEASE, pb.LeaseRequest(holder="test", take=True), CALL_S).token
             while not states[-1].finished:
                 request = pb.ActionRequest(
-                    action_id=str(len(states)), lease_token=token, time_remaining_s=CALL_S,
+                    action_id=str(len(states)),
+                    lease_token=token,
+                    time_remaining_s=CALL_S,
                     action=action_to_proto(Observe()),
-                )  # fmt: skip
+                )
                 bus.call(ACT, request, CALL_S)
         return Maps.of(bus)
 
@@ -192,8 +194,11 @@ def test_rerun_converts_the_recording(done: RecordedTask, tmp_path: Path) -> Non
     out = tmp_path / "recording.rrd"
     reported = subprocess.run(
         [RERUN, "mcap", "convert", str(path), "-o", str(out)],
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert reported.returncode == 0, reported.stderr
     assert out.stat().st_size > path.stat().st_size / 2
     for entity in ("/camera/keyframe/color", "/camera/keyframe/depth", "/tf", "/planner/task"):
@@ -218,9 +223,12 @@ class RecordedUp(Up):
 
 def helios(*args: str, timeout_s: float = 200) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "helios_client", *args], capture_output=True, text=True,
-        timeout=timeout_s, check=False,
-    )  # fmt: skip
+        [sys.executable, "-m", "helios_client", *args],
+        capture_output=True,
+        text=True,
+        timeout=timeout_s,
+        check=False,
+    )
 
 
 def keyframes_of(path: Path) -> int:

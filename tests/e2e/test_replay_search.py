@@ -49,9 +49,13 @@ def replay(path: Path, out: Path, *flags: str) -> subprocess.CompletedProcess[st
     """Run a replay to its end; checks that no process is left."""
     mark = uuid.uuid4().hex
     done = subprocess.run(
-        command(path, out, flags), capture_output=True, text=True, timeout=LONGEST_S, check=False,
+        command(path, out, flags),
+        capture_output=True,
+        text=True,
+        timeout=LONGEST_S,
+        check=False,
         env=os.environ | {"COLUMNS": "160", MARK: mark},
-    )  # fmt: skip
+    )
     assert left_of(mark) == []
     return done
 
@@ -116,9 +120,10 @@ def test_an_interrupted_replay_writes_its_results_so_far(
     with said.open("wb") as stream:
         process = subprocess.Popen(
             command(path, out, ["--detector", "paint", "--rate", "0.01"]),
-            stdout=stream, stderr=stream,
+            stdout=stream,
+            stderr=stream,
             env=os.environ | {"PYTHONUNBUFFERED": "1", "COLUMNS": "160", MARK: mark},
-        )  # fmt: skip
+        )
     try:
         wait_until(lambda: "not searched for" in said.read_text(), LONGEST_S, "the search began")
         process.send_signal(number)

@@ -55,8 +55,10 @@ def test_a_robot_with_tf_unaligned_millimetres_best_effort_a_head_and_simulated_
 def test_a_robot_with_nav2_drives_by_its_behaviours_and_backs_up() -> None:
     domain = free_domain()
     settings = TOPIC | {
-        "HELIOS_ROS2_MOTION": "nav2", "HELIOS_ROS2_MAX_BACK_M": "0.3", "HELIOS_ROS2_PICK": PICK,
-    }  # fmt: skip
+        "HELIOS_ROS2_MOTION": "nav2",
+        "HELIOS_ROS2_MAX_BACK_M": "0.3",
+        "HELIOS_ROS2_PICK": PICK,
+    }
     with fake_robot(domain, "--still", "--nav2", "--hand"):
         output = contract(domain, "-k", "left or drive or back", settings=settings)
     assert passed(output) >= 4

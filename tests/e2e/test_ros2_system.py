@@ -29,9 +29,11 @@ pytestmark = pytest.mark.long
 
 SERVICES = ("bridge", "detector", "map2d", "objectmap", "planner", "ros2")
 SETTINGS = {
-    "HELIOS_ROS2_POSE": "topic", "HELIOS_ROS2_CAMERA_TILT_RAD": "0.55",
-    "HELIOS_ROS2_TURN_RAD_S": "2.0", "HELIOS_ROS2_SPEED_M_S": "0.8",  # the fake robot has no mass
-}  # fmt: skip
+    "HELIOS_ROS2_POSE": "topic",
+    "HELIOS_ROS2_CAMERA_TILT_RAD": "0.55",
+    "HELIOS_ROS2_TURN_RAD_S": "2.0",
+    "HELIOS_ROS2_SPEED_M_S": "0.8",  # the fake robot has no mass
+}
 GRID = "nav_msgs/msg/OccupancyGrid"
 
 
@@ -67,13 +69,17 @@ def test_a_task_by_ros_succeeds_and_its_map_reaches_a_node_that_starts_later(sce
         probe(scene.domain, "say", "/helios/do_task", "find the table")
     wait_until(lambda: newest_state(scene) == "succeeded", 240, "the task has succeeded")
     wanted = {
-        "/helios/map": GRID, "/helios/costmap": GRID,
-        "/helios/path": "nav_msgs/msg/Path", "/helios/trajectory": "nav_msgs/msg/Path",
+        "/helios/map": GRID,
+        "/helios/costmap": GRID,
+        "/helios/path": "nav_msgs/msg/Path",
+        "/helios/trajectory": "nav_msgs/msg/Path",
         "/helios/objects": "visualization_msgs/msg/MarkerArray",
-        "/helios/points": "sensor_msgs/msg/PointCloud2", "/helios/task": "std_msgs/msg/String",
-        "/helios/value/pick": "sensor_msgs/msg/Image", "/helios/value/pick/grid": GRID,
+        "/helios/points": "sensor_msgs/msg/PointCloud2",
+        "/helios/task": "std_msgs/msg/String",
+        "/helios/value/pick": "sensor_msgs/msg/Image",
+        "/helios/value/pick/grid": GRID,
         "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
-    }  # fmt: skip
+    }
     if has_interfaces("vision_msgs"):
         wanted["/helios/detections"] = "vision_msgs/msg/Detection3DArray"
     # diagnostics are not retained; the listener waits for the next
@@ -150,9 +156,13 @@ def test_topics_that_die_are_named_and_the_bridge_is_ready_when_they_come_back(
 def test_without_rclpy_one_sentence_says_what_to_install(tmp_path: Path) -> None:
     up = ("up", "--robot", "ros2", "--detector", "paint", "--state", str(tmp_path))
     done = subprocess.run(
-        [sys.executable, "-m", "helios_client", *up], capture_output=True, text=True, timeout=60,
-        env=os.environ | {"HELIOS_ROS2_PYTHON": "no-such-python"}, check=False,
-    )  # fmt: skip
+        [sys.executable, "-m", "helios_client", *up],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env=os.environ | {"HELIOS_ROS2_PYTHON": "no-such-python"},
+        check=False,
+    )
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "HELIOS_ROS2_PYTHON" in done.stderr

@@ -52,9 +52,11 @@ class Running:
         """Submit a task within `TRACEPARENT`, and return it when it has ended."""
         body = {"instruction": instruction, "max_steps": max_steps}
         answer = LOOPBACK.post(
-            f"{self.up.address}/v1/tasks", json=body, headers={"traceparent": TRACEPARENT},
+            f"{self.up.address}/v1/tasks",
+            json=body,
+            headers={"traceparent": TRACEPARENT},
             timeout=30,
-        )  # fmt: skip
+        )
         answer.raise_for_status()
         path = f"/v1/tasks/{answer.json()['id']}"
         wait_until(lambda: self.get(path)["state"] in ENDED, 180, "the task has ended")
@@ -76,8 +78,9 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
         collector = Collector()
         stack.callback(collector.close)
         variables = {
-            "OTEL_EXPORTER_OTLP_ENDPOINT": collector.endpoint, "OTEL_BSP_SCHEDULE_DELAY": "500",
-        }  # fmt: skip
+            "OTEL_EXPORTER_OTLP_ENDPOINT": collector.endpoint,
+            "OTEL_BSP_SCHEDULE_DELAY": "500",
+        }
         state = tmp_path_factory.mktemp("state")
         up = stack.enter_context(helios_up(state, *flags, environment=variables))
         wait_until(up.ready, 300, "all services are ready")
@@ -163,10 +166,17 @@ def test_a_failed_task_names_a_recording_of_the_time_around_it(
     assert set(RecordedSource(tmp_path / name).channels) <= topics  # for viewers
     open_source(tmp_path / name)  # for a replay; raises without a keyframe
     assert topics >= {
-        "/bridge/keyframe", "/camera/keyframe/color", "/camera/keyframe/depth",
-        "/detector/observation", "/planner/task", "/objectmap/ack",
-        "/bridge/status", "/supervisor/processes", "/planner/context", "/bridge/description",
-    }  # fmt: skip
+        "/bridge/keyframe",
+        "/camera/keyframe/color",
+        "/camera/keyframe/depth",
+        "/detector/observation",
+        "/planner/task",
+        "/objectmap/ack",
+        "/bridge/status",
+        "/supervisor/processes",
+        "/planner/context",
+        "/bridge/description",
+    }
 
 
 def test_log_lines_are_json_with_the_ids_of_their_work(

@@ -87,9 +87,10 @@ def test_a_killed_bridge_leaves_no_robot_walking_and_the_restarted_one_drives(
             assert state_from_proto(bus.call(GET_STATE, pb.Empty(), 5)).robot_boot_id
             turn = pb.Action(turn=pb.Action.Turn(angle_rad=0.3))
             wait_until(
-                lambda: _ignore(lambda: act(bus, "turn", turn).succeeded), 20,
+                lambda: _ignore(lambda: act(bus, "turn", turn).succeeded),
+                20,
                 "the robot turns again",
-            )  # fmt: skip
+            )
     assert world.lease_owner == ""  # an orderly end returns the lease
 
 

@@ -106,9 +106,13 @@ class Stack:
         detector = DetectorService(new_bus(), ColourDetector(), scorer, Health())
         opened.enter_context(closing(detector))
         settings = SpotSettings(
-            host="127.0.0.1", port=self.fake.port, ca_file=self.fake.ca_file,
-            username=USER, password=SecretStr(PASSWORD), speed_m_s=0.5,
-        )  # fmt: skip
+            host="127.0.0.1",
+            port=self.fake.port,
+            ca_file=self.fake.ca_file,
+            username=USER,
+            password=SecretStr(PASSWORD),
+            speed_m_s=0.5,
+        )
         bus, chosen = new_bus(), BridgeSettings(stream_hz=0, lockstep=True)
         driver = SpotDriver(bus, settings=settings)
         opened.enter_context(closing(BridgeService(bus, driver, chosen, Health())))

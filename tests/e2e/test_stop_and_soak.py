@@ -17,9 +17,16 @@ pytestmark = [pytest.mark.timeout(900), pytest.mark.long]
 
 HELIOS = (sys.executable, "-m", "helios_client")
 SERVICES = {
-    "supervisor", "router", "world", "bridge", "detector", "objectmap", "map2d", "planner",
+    "supervisor",
+    "router",
+    "world",
+    "bridge",
+    "detector",
+    "objectmap",
+    "map2d",
+    "planner",
     "gateway",
-}  # fmt: skip
+}
 
 
 def run(*args: str) -> str:
@@ -87,7 +94,10 @@ def test_wrong_use_is_told_before_the_long_run(
 ) -> None:
     done = subprocess.run(
         [*HELIOS, *(arg.format(tmp_path) for arg in args)],
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     assert done.returncode == 2
     assert said in done.stderr

@@ -80,8 +80,11 @@ def check_answer(stack: Stack, path: str, kind: str) -> None:
 def test_every_service_is_ready_in_its_own_process(stack: Stack) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "helios_client", "status", "--json", "--port", str(stack.port)],
-        capture_output=True, text=True, timeout=20, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=20,
+        check=False,
+    )
     status = {s["name"]: s for s in json.loads(done.stdout)["services"]}
     assert set(SERVICES) <= set(status)
     assert {name: status[name]["state"] for name in SERVICES} == dict.fromkeys(SERVICES, "ready")
@@ -188,8 +191,9 @@ def test_a_task_can_be_cancelled(stack: Stack) -> None:
     assert cancelled.status_code == 200
     wait_until(
         lambda: stack.get(f"/v1/tasks/{task['id']}").json()["state"] in ("cancelled", "succeeded"),
-        30, "the task has ended",
-    )  # fmt: skip
+        30,
+        "the task has ended",
+    )
 
 
 MODULES = {

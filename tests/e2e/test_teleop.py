@@ -114,8 +114,9 @@ def test_driving_is_refused_during_a_task_and_a_task_waits_for_the_driver(helios
         task = helios.submit("find the shelf")
         wait_until(
             lambda: "drives the robot" in helios.task(task.id).message,
-            60, "the task waits for who drives",
-        )  # fmt: skip
+            60,
+            "the task waits for who drives",
+        )
         assert helios.task(task.id).steps == 0
     finally:
         let_go.set()

@@ -42,9 +42,13 @@ def _serve(robot: FakeRobot, kind: Any, name: str, do: Any) -> None:
         return kind.Result()
 
     ActionServer(
-        robot.node, kind, name, execute, callback_group=robot.group,
+        robot.node,
+        kind,
+        name,
+        execute,
+        callback_group=robot.group,
         cancel_callback=lambda _: CancelResponse.ACCEPT,
-    )  # fmt: skip
+    )
 
 
 def _turn(robot: FakeRobot, handle: Any) -> bool:

@@ -123,9 +123,11 @@ class Commands(pb.servicer("RobotCommandService")):
         else:
             v = asked.velocity
             w.walk = Walk(
-                w.local_s(end_ns), speed, turn,
+                w.local_s(end_ns),
+                speed,
+                turn,
                 velocity=(v.linear.x, v.linear.y, v.angular),
-            )  # fmt: skip
+            )
         return None
 
     def _arm(self, arm: Any, id: int) -> None:
@@ -159,8 +161,9 @@ class Commands(pb.servicer("RobotCommandService")):
         linear = asked.max_linear_velocity.value or math.inf
         angular = asked.max_angular_velocity.value or math.inf
         w.fastest_hand, w.fastest_wrist = (
-            max(w.fastest_hand, linear), max(w.fastest_wrist, angular)
-        )  # fmt: skip
+            max(w.fastest_hand, linear),
+            max(w.fastest_wrist, angular),
+        )
 
 
 class Manipulation(pb.servicer("ManipulationApiService")):
@@ -179,9 +182,10 @@ class Manipulation(pb.servicer("ManipulationApiService")):
                 id = next(self._ids)
                 reply.manipulation_cmd_id = id
                 self._states[id] = [
-                    "MANIP_STATE_SEARCHING_FOR_GRASP", "MANIP_STATE_MOVING_TO_GRASP",
+                    "MANIP_STATE_SEARCHING_FOR_GRASP",
+                    "MANIP_STATE_MOVING_TO_GRASP",
                     w.grasp_along(*self._ray(request.pick_object_in_image)),
-                ]  # fmt: skip
+                ]
         return pb.answer(reply, request, w.robot_ns)
 
     def ManipulationApiFeedback(self, request: Any, _: Any) -> Any:

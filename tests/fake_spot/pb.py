@@ -31,13 +31,19 @@ time_sync = _load("api.time_sync_pb2")
 SERVICERS = {
     name: _load(f"api.{module}_service_pb2_grpc")
     for name, module in {
-        "AuthService": "auth", "DirectoryService": "directory", "EstopService": "estop",
-        "ImageService": "image", "LeaseService": "lease",
-        "ManipulationApiService": "manipulation_api", "PowerService": "power",
-        "RobotCommandService": "robot_command", "RobotIdService": "robot_id",
-        "RobotStateService": "robot_state", "TimeSyncService": "time_sync",
+        "AuthService": "auth",
+        "DirectoryService": "directory",
+        "EstopService": "estop",
+        "ImageService": "image",
+        "LeaseService": "lease",
+        "ManipulationApiService": "manipulation_api",
+        "PowerService": "power",
+        "RobotCommandService": "robot_command",
+        "RobotIdService": "robot_id",
+        "RobotStateService": "robot_state",
+        "TimeSyncService": "time_sync",
     }.items()
-}  # fmt: skip
+}
 
 math_helpers = _load("client.math_helpers")
 frame_helpers = _load("client.frame_helpers")

@@ -149,9 +149,11 @@ def look(
         color[at] = np.array(shape.color) * shade[:, None]
     depth[index < 0] = 0
     return Seen(
-        depth.reshape(h, w).astype(np.float32), color.reshape(h, w, 3).astype(np.uint8),
-        index.reshape(h, w), tuple(shapes),
-    )  # fmt: skip
+        depth.reshape(h, w).astype(np.float32),
+        color.reshape(h, w, 3).astype(np.uint8),
+        index.reshape(h, w),
+        tuple(shapes),
+    )
 
 
 def first_hit(shapes: Mapping[str, Shape], eye: Array, ray: Array) -> tuple[str, float]:

@@ -108,9 +108,11 @@ def test_a_person_is_asked_and_answers() -> None:
     said: list[str] = []
     ros = RosNode("person")
     ros.node.create_subscription(
-        interface("std_msgs/msg/String"), "/helios/request", lambda m: said.append(m.data),
+        interface("std_msgs/msg/String"),
+        "/helios/request",
+        lambda m: said.append(m.data),
         qos_profile(Qos(retained=True), 5),
-    )  # fmt: skip
+    )
     clients = {
         name: ros.node.create_client(interface("std_srvs/srv/Trigger"), f"/helios/{name}")
         for name in ("done", "refuse")

@@ -138,11 +138,17 @@ def test_the_frame_is_that_of_the_robots_poses_unless_it_is_set(told: str, frame
 def test_a_reset_empties_the_retained_grids_of_the_map() -> None:
     with output(frame="map", map_period_s=0.05) as (bus, user):
         cells = np.array([[0, 100, 0], [0, 0, -1]], "i1")
-        replies = [pb.MapSnapshot(
-            version=1, map_id="a", cell_m=0.05, width=3, height=2,
-            occupancy=zlib.compress(cells.tobytes()),
-            values={"pick": zlib.compress(np.full((2, 3), 0.5, "<f2").tobytes())},
-        )]  # fmt: skip
+        replies = [
+            pb.MapSnapshot(
+                version=1,
+                map_id="a",
+                cell_m=0.05,
+                width=3,
+                height=2,
+                occupancy=zlib.compress(cells.tobytes()),
+                values={"pick": zlib.compress(np.full((2, 3), 0.5, "<f2").tobytes())},
+            )
+        ]
         bus.serve(SNAPSHOT, lambda request: replies[-1])
         kind = "nav_msgs/msg/OccupancyGrid"
         topics = ("/helios/map", "/helios/costmap", "/helios/value/pick/grid")

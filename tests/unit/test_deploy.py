@@ -45,8 +45,10 @@ def test_each_service_accepts_its_command_and_connects_to_the_router(
 
 def test_the_router_listens_on_the_port_of_the_services() -> None:
     assert COMPOSE["services"]["router"]["command"] == [
-        "helios_core.router", "--listen", "tcp/0.0.0.0:7447"
-    ]  # fmt: skip
+        "helios_core.router",
+        "--listen",
+        "tcp/0.0.0.0:7447",
+    ]
 
 
 def test_each_state_folder_has_its_own_volume() -> None:
@@ -75,10 +77,14 @@ def of_file(folder: str) -> Callable[[str], ServiceSettings]:
     ("name", "setting"),
     [
         ("bridge", "state_dir"),  # a stop
-        ("planner", "state_dir"), ("objectmap", "state_dir"), ("map2d", "state_dir"),
-        ("gateway", "faults"), ("gateway", "audit"), ("gateway", "fleet_queue"),
+        ("planner", "state_dir"),
+        ("objectmap", "state_dir"),
+        ("map2d", "state_dir"),
+        ("gateway", "faults"),
+        ("gateway", "audit"),
+        ("gateway", "fleet_queue"),
     ],
-)  # fmt: skip
+)
 def test_stops_tasks_maps_and_records_outlive_their_service(
     load: Callable[[str], ServiceSettings], name: str, setting: str
 ) -> None:

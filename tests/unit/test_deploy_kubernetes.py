@@ -124,9 +124,11 @@ def test_the_page_makes_a_secret_for_each_service() -> None:
 
 
 KEPT = [
-    (name, path) for name in SERVICES for path in SETTINGS[name].values()
+    (name, path)
+    for name in SERVICES
+    for path in SETTINGS[name].values()
     if str(path).startswith("/state/")
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("name", "path"), KEPT)

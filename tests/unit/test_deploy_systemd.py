@@ -34,8 +34,10 @@ def test_systemd_takes_every_unit_as_it_is(tmp_path: Path) -> None:
         (tmp_path / name).write_text(text)
     done = subprocess.run(
         ["systemd-analyze", "verify", "--man=no", *(str(p) for p in sorted(tmp_path.iterdir()))],
-        capture_output=True, text=True, timeout=60,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     assert done.returncode == 0, done.stderr
     ours = [line for line in done.stderr.splitlines() if "helios" in line]
     assert not ours
@@ -77,8 +79,10 @@ def test_each_service_accepts_the_settings(name: str, monkeypatch: pytest.Monkey
 def test_all_state_lies_in_the_folder_that_the_unit_may_write() -> None:
     assert unit("helios@.service")["Service"]["StateDirectory"] == "helios"
     folders = [
-        v for table in SETTINGS.values() for k, v in table.items()
+        v
+        for table in SETTINGS.values()
+        for k, v in table.items()
         if k in ("state_dir", "out", "faults", "audit", "fleet_queue")
-    ]  # fmt: skip
+    ]
     assert len(folders) == 8
     assert all(folder.startswith("/var/lib/helios/") for folder in folders)

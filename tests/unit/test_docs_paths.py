@@ -57,8 +57,11 @@ def tracked() -> tuple[str, ...]:
     """All files of the repository, including new ones."""
     listed = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
-        cwd=ROOT, capture_output=True, text=True, check=True,
-    )  # fmt: skip
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     return tuple(line for line in listed.stdout.splitlines() if (ROOT / line).exists())
 
 
@@ -243,12 +246,15 @@ def test_each_script_run_in_a_page_exists() -> None:
 @pytest.mark.parametrize(
     ("line", "fault"),
     [
-        ("task --json", ""), ("tusk", "there is no command 'tusk'"),
-        ("task --jsn", "there is no option --jsn"), ("map save home.zip", ""),
-        ("map keep", "there is no command 'keep'"), ("eval ovmm --agents helios", ""),
+        ("task --json", ""),
+        ("tusk", "there is no command 'tusk'"),
+        ("task --jsn", "there is no option --jsn"),
+        ("map save home.zip", ""),
+        ("map keep", "there is no command 'keep'"),
+        ("eval ovmm --agents helios", ""),
         ("eval ovmm --agent helios", "there is no option --agent"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_command_is_found(line: str, fault: str) -> None:
     assert fault_of(Command("a page", tuple(line.split()))) == fault
 
@@ -256,8 +262,9 @@ def test_a_wrong_command_is_found(line: str, fault: str) -> None:
 def test_paths_of_the_repository_are_distinguished_from_those_of_the_reader() -> None:
     page = "`services/helios_planner/gone.py`, `runs/x.png`, `executor.py`, `a word`, `keys.toml`"
     assert list(paths_named("docs/index.md", page)) == [
-        "services/helios_planner/gone.py", "executor.py"
-    ]  # fmt: skip
+        "services/helios_planner/gone.py",
+        "executor.py",
+    ]
     assert not exists("services/helios_planner/gone.py")
     assert exists("tasks/executor.py")
     assert exists("services/helios_planner/")

@@ -85,9 +85,16 @@ def closure(extra: str) -> set[str]:
 def test_a_package_needs_only_its_own_extra(extra: str) -> None:
     done = subprocess.run(
         [
-            sys.executable, "-c", IMPORT_ALL, json.dumps(sorted(closure(extra))), PACKAGES[extra],
+            sys.executable,
+            "-c",
+            IMPORT_ALL,
+            json.dumps(sorted(closure(extra))),
+            PACKAGES[extra],
             json.dumps(NEEDS_MORE.get(extra, [])),
         ],
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr[-1500:]

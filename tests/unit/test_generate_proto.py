@@ -15,9 +15,10 @@ from scripts import generate_proto
 def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of the project's messages and their up-to-date modules."""
     root = shutil.copytree(
-        generate_proto.PROTO_ROOT, tmp_path / "proto",
+        generate_proto.PROTO_ROOT,
+        tmp_path / "proto",
         ignore=shutil.ignore_patterns("__pycache__"),
-    )  # fmt: skip
+    )
     monkeypatch.setattr(generate_proto, "PROTO_ROOT", root)
     monkeypatch.setattr(sys, "argv", ["generate_proto.py", "--check"])
     return root

@@ -22,8 +22,9 @@ TABLE_3 = {
     "od_b": 0.45, "cs_a": 0.3, "cs_g": 0.3, "cs_b": 0.3, "α_cpa": 3,
 }  # fmt: skip
 TABLES_AND_FIGURES = [
-    *(f"Table {n}" for n in range(1, 9)), *(f"Figure {n}" for n in range(1, 7)),
-]  # fmt: skip
+    *(f"Table {n}" for n in range(1, 9)),
+    *(f"Figure {n}" for n in range(1, 7)),
+]
 NONE = "–"
 COLUMNS = ["paper", "what", "code", "test", "verdict", "difference"]
 VERDICTS = ("exact", "exact, with", "ours differs", "left open", "not built", "not run")
@@ -246,7 +247,7 @@ def test_the_page_has_no_faults() -> None:
         ("| `entropy` |", "| – |", "wanted code and a test"),
         ("| The hierarchical map |", "| |", "a column is missing or empty"),
     ],
-)  # fmt: skip
+)
 def test_each_fault_of_the_page_is_found(old: str, new: str, fault: str) -> None:
     assert old in PAGE
     assert any(fault in found for found in faults(PAGE.replace(old, new)))

@@ -26,20 +26,29 @@ COMMAND = ["helios", "eval", "ovmm", "--out", "helios", "--agents", ",".join(OLD
 
 def line(agent: str) -> str:
     reported = {
-        "benchmark": "ovmm", "agent": agent, "semantics": "noisy", "preset": "ovmm-v1", "seed": 7,
-        "instruction": "Find the hat", "path_m": 126.6152089463771, "wall_s": 1e-05,
-        "message": "helios-next said: ü", "commit": "dc49a59",
-    }  # fmt: skip
+        "benchmark": "ovmm",
+        "agent": agent,
+        "semantics": "noisy",
+        "preset": "ovmm-v1",
+        "seed": 7,
+        "instruction": "Find the hat",
+        "path_m": 126.6152089463771,
+        "wall_s": 1e-05,
+        "message": "helios-next said: ü",
+        "commit": "dc49a59",
+    }
     return json.dumps(reported, separators=(",", ":"), ensure_ascii=False)
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     run: dict[str, Any] = {
-        "machine": "helios", "versions": {"helios-ovmm": "0.1.0"}, "commands": [COMMAND],
+        "machine": "helios",
+        "versions": {"helios-ovmm": "0.1.0"},
+        "commands": [COMMAND],
         "asked": [{"agents": list(OLD), "seed0": 0}],
         "ran_with": {agent: {"planner.tau_g": str(k)} for k, agent in enumerate(OLD)},
-    }  # fmt: skip
+    }
     (tmp_path / "run.json").write_text(json.dumps(run))
     (tmp_path / PACKED).write_bytes(gzip.compress("".join(line(a) + "\n" for a in OLD).encode()))
     rows = [{"agent": a, "settings": {}, "metrics": {"SR": {"mean": 1 / 3}}} for a in OLD]
@@ -58,11 +67,12 @@ def test_agents_get_their_current_names_and_everything_else_is_unchanged(folder:
     run = json.loads((folder / "run.json").read_text())
     assert run.pop("relabelled") == {"helios": "helios-paper", "helios-next": "helios"}
     assert run == {
-        "machine": "helios", "versions": {"helios-ovmm": "0.1.0"},
+        "machine": "helios",
+        "versions": {"helios-ovmm": "0.1.0"},
         "commands": [[",".join(NEW) if w == ",".join(OLD) else w for w in COMMAND]],
         "asked": [{"agents": list(NEW), "seed0": 0}],
         "ran_with": {agent: {"planner.tau_g": str(k)} for k, agent in enumerate(NEW)},
-    }  # fmt: skip
+    }
     rows = json.loads((folder / "results.json").read_text())
     assert [row["agent"] for row in rows] == list(NEW)
     assert all(row["metrics"] == {"SR": {"mean": 1 / 3}} for row in rows)

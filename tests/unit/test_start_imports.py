@@ -62,11 +62,12 @@ START = {
     "planner": "import helios_planner.__main__",
     "gateway": "import helios_gateway.__main__",
     "recorder": "import helios_recorder.__main__",
-    "services": "import helios_core.compact_process\n" + "\n".join(
+    "services": "import helios_core.compact_process\n"
+    + "\n".join(
         f"import helios_{name}.__main__"
         for name in ("bridge", "detector", "objectmap", "map2d", "planner", "gateway")
     ),
-}  # fmt: skip
+}
 REPORT = """
 import json, sys
 names = set()
@@ -84,9 +85,13 @@ def test_a_process_imports_at_its_start_only_what_it_needs(process: str) -> None
         pytest.skip("only Linux has a fork server")
     alone = {"OPENBLAS_NUM_THREADS": "1"}
     done = subprocess.run(
-        [sys.executable, "-c", START[process] + REPORT], env=os.environ | alone,
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        [sys.executable, "-c", START[process] + REPORT],
+        env=os.environ | alone,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     names = {n for n in json.loads(done.stdout) if not n.startswith(("_", "helios_"))}
     unexpected = names - MAY_IMPORT[process] - NOISE

@@ -10,11 +10,18 @@ from helios_core.topics import METHODS, TOPICS
 
 ROOT = Path(__file__).resolve().parents[2]
 MAY_READ = (
-    "services/helios_detector", "clients/helios_sim", "clients/helios_eval", "clients/helios_chaos"
-)  # fmt: skip
+    "services/helios_detector",
+    "clients/helios_sim",
+    "clients/helios_eval",
+    "clients/helios_chaos",
+)
 TRUTH_NAMES = {
-    "TRUTH_SEGMENTATION", "TRUTH_EPISODE", "TRUTH_METRICS", "TRUTH_OBJECTS", "TRUTH_TRACE"
-}  # fmt: skip
+    "TRUTH_SEGMENTATION",
+    "TRUTH_EPISODE",
+    "TRUTH_METRICS",
+    "TRUTH_OBJECTS",
+    "TRUTH_TRACE",
+}
 FILES = sorted(
     p
     for folder in ("services", "clients")

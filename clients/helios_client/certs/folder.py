@@ -177,11 +177,12 @@ def credentials_of(file: Path) -> Credentials:
             *(
                 base64.b64decode(tls[field], validate=True)
                 for field in (
-                    "root_ca_certificate_base64", f"{kind}_certificate_base64",
+                    "root_ca_certificate_base64",
+                    f"{kind}_certificate_base64",
                     f"{kind}_private_key_base64",
                 )
             )
-        )  # fmt: skip
+        )
     except (KeyError, TypeError, ValueError) as error:
         raise InvalidInput(f"{file} has no certificate; helios certs renew writes it") from error
 

@@ -160,14 +160,19 @@ def from_toml(text: str) -> Names:
 def to_toml(names: Names) -> str:
     """Text of `names.toml`."""
     out = [
-        "# Written by helios certs.", f"hosts = {_quoted(names.hosts)}", f"port = {names.port}",
+        "# Written by helios certs.",
+        f"hosts = {_quoted(names.hosts)}",
+        f"port = {names.port}",
         f"days = {names.days}",
-    ]  # fmt: skip
+    ]
     for entry in names.certificates:
         out += [
-            "", "[[certificate]]", f"name = {_quoted(entry.name)}",
-            f"service = {_quoted(entry.service)}", f"robots = {_quoted(entry.robots)}",
-        ]  # fmt: skip
+            "",
+            "[[certificate]]",
+            f"name = {_quoted(entry.name)}",
+            f"service = {_quoted(entry.service)}",
+            f"robots = {_quoted(entry.robots)}",
+        ]
     return "\n".join(out) + "\n"
 
 

@@ -69,8 +69,13 @@ def show(
     for row in rows:
         size = " x ".join(f"{100 * side:.0f}" for side in row["size_m"])
         table.add_row(
-            ", ".join(row["classes"]), row["key"], size, str(row["triangles"]), str(row["boxes"]),
-            row["author"], row["licence"],
-        )  # fmt: skip
+            ", ".join(row["classes"]),
+            row["key"],
+            size,
+            str(row["triangles"]),
+            str(row["boxes"]),
+            row["author"],
+            row["licence"],
+        )
     console().print(table)
     print(f"{len(rows)} models, pack {pack.digest[:12]}")

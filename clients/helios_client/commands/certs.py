@@ -170,15 +170,19 @@ def show(folder: Folder, as_json: Json = False) -> None:
 
     found, now = validities(folder), _now()
     if as_json:
-        print_json({
-            "certificates": [
-                {
-                    "name": v.name, "file": str(v.file), "until": v.until.isoformat(),
-                    "days_left": round(v.days_left(now), 1),
-                }
-                for v in found
-            ]
-        })  # fmt: skip
+        print_json(
+            {
+                "certificates": [
+                    {
+                        "name": v.name,
+                        "file": str(v.file),
+                        "until": v.until.isoformat(),
+                        "days_left": round(v.days_left(now), 1),
+                    }
+                    for v in found
+                ]
+            }
+        )
     else:
         table = plain_table("name", "valid until", "days left", "file")
         for v in found:

@@ -56,9 +56,11 @@ def is_wrong(found: RobotChecks) -> bool:
 def as_json(found: RobotChecks, ended_early: str) -> dict[str, Any]:
     """Value of `--json`."""
     return {
-        "wrong": is_wrong(found), "images": found["images"], "ended_early": ended_early,
+        "wrong": is_wrong(found),
+        "images": found["images"],
+        "ended_early": ended_early,
         "checks": found["checks"],
-    }  # fmt: skip
+    }
 
 
 def checks_table(found: RobotChecks) -> Table:
@@ -67,9 +69,12 @@ def checks_table(found: RobotChecks) -> Table:
     for check in found["checks"]:
         color = _COLORS.get(check["verdict"], "yellow")
         out.add_row(
-            check["name"], f"[{color}]{check['verdict']}[/]", _measured(check),
-            shown(check["limit"], check["unit"]), escape(check["words"]),
-        )  # fmt: skip
+            check["name"],
+            f"[{color}]{check['verdict']}[/]",
+            _measured(check),
+            shown(check["limit"], check["unit"]),
+            escape(check["words"]),
+        )
     return out
 
 

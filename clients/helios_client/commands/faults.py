@@ -111,9 +111,12 @@ def _fault_table(faults: Sequence[Fault]) -> object:
     for fault in faults:
         color = colors.get(fault.state, "default")
         table.add_row(
-            escape(fault.id), f"[{color}]{fault.state}[/]", str(fault.count), _ago(fault.last_s),
+            escape(fault.id),
+            f"[{color}]{fault.state}[/]",
+            str(fault.count),
+            _ago(fault.last_s),
             escape(fault.message),
-        )  # fmt: skip
+        )
     return table
 
 

@@ -56,9 +56,12 @@ def fleet_tables(found: Fleet) -> list:
         battery = "-" if one["battery"] is None else f"{one['battery']:.0%}"
         now = task["message"] if task else "; ".join(one["reasons"])
         robots.add_row(
-            escape(one["name"]), f"[{color}]{one['state']}[/]", battery,
-            escape(task["instruction"]) if task else "-", escape(now),
-        )  # fmt: skip
+            escape(one["name"]),
+            f"[{color}]{one['state']}[/]",
+            battery,
+            escape(task["instruction"]) if task else "-",
+            escape(now),
+        )
     if not found["tasks"]:
         return [robots]
     return [robots, "", fleet_task_table([FleetTask.from_json(t) for t in found["tasks"]])]
@@ -75,9 +78,13 @@ def fleet_task_table(tasks: list[FleetTask]):
     for task in tasks:
         color = TASK_COLORS.get(task.state, "default")
         out.add_row(
-            task.id, f"[{color}]{task.state}[/]", escape(task.robot or "-"), str(task.priority),
-            escape(task.instruction), escape(task.message),
-        )  # fmt: skip
+            task.id,
+            f"[{color}]{task.state}[/]",
+            escape(task.robot or "-"),
+            str(task.priority),
+            escape(task.instruction),
+            escape(task.message),
+        )
     return out
 
 
@@ -133,8 +140,12 @@ def submit_to_fleet(
             print_json(asked.raw) if as_json else print_line(asked.id)
             return
         screen = console(stderr=as_json)
-        screen.print(f"task {asked.id} of the fleet: {asked.instruction}",
-                     highlight=False, markup=False, soft_wrap=True)  # fmt: skip
+        screen.print(
+            f"task {asked.id} of the fleet: {asked.instruction}",
+            highlight=False,
+            markup=False,
+            soft_wrap=True,
+        )
         from helios_core.errors import HeliosError
 
         from helios_client.commands.task_view import cancel_with_retries
@@ -149,8 +160,10 @@ def submit_to_fleet(
                 screen.print(
                     "the cancellation was not confirmed, so the task may continue; end it with: "
                     f"helios cancel {asked.id} --robot any",
-                    highlight=False, markup=False, soft_wrap=True,
-                )  # fmt: skip
+                    highlight=False,
+                    markup=False,
+                    soft_wrap=True,
+                )
                 raise
             _watched(helios, asked, time.monotonic() + CANCEL_S, screen)
             raise
@@ -182,14 +195,22 @@ def _watched(helios: Helios, asked: FleetTask, deadline_s: float, screen: Consol
             if time.monotonic() - heard_s > SILENCE_S:
                 raise
         if task.robot and task.robot != said[0]:
-            screen.print(f"{task.robot} gets the task: {task.why}",
-                         highlight=False, markup=False, soft_wrap=True)  # fmt: skip
+            screen.print(
+                f"{task.robot} gets the task: {task.why}",
+                highlight=False,
+                markup=False,
+                soft_wrap=True,
+            )
         if (task.robot, task.state, task.message) != said:
             said = (task.robot, task.state, task.message)
             share = f" {(task.task or {}).get('progress') or 0:4.0%}" if task.begun else ""
             who = f"{task.robot} " if task.robot else ""
-            screen.print(f"{who}{task.state}{share}: {task.message}",
-                         highlight=False, markup=False, soft_wrap=True)  # fmt: skip
+            screen.print(
+                f"{who}{task.state}{share}: {task.message}",
+                highlight=False,
+                markup=False,
+                soft_wrap=True,
+            )
         if not task.ended:
             time.sleep(POLL_S)
     return task

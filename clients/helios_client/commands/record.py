@@ -64,9 +64,10 @@ def bus_address(
     port = port or PORT
     if url and router is None and state is None:
         port = local_port_of_url(
-            url, "its router is not known; name it with --router "
+            url,
+            "its router is not known; name it with --router "
             f"tcp/HOST:{ROUTER_PORT}, or run `{command}` there",
-        )  # fmt: skip
+        )
     known = state_file.read(state or state_file.default_state_dir(port)) or {}
     if router is None and certs is None and known.get("certs"):
         certs = Path(known["certs"])

@@ -36,8 +36,11 @@ def find_status(
         if found is not None:
             services = found["services"]
             return {
-                "ready": found["ready"], "stopped": None, "stop_reason": "", "services": services,
-            }  # fmt: skip
+                "ready": found["ready"],
+                "stopped": None,
+                "stop_reason": "",
+                "services": services,
+            }
         raise
     if found is None:
         return live

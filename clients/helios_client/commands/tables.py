@@ -27,9 +27,14 @@ def task_table(tasks: Sequence[Task]) -> Table:
         color = TASK_COLORS.get(task.state, "default")
         priority = [str(task.priority)] if ranked else []
         out.add_row(
-            task.id, f"[{color}]{task.state}[/]", *priority, _took(task), str(task.steps),
-            escape(task.instruction), escape(task.message),
-        )  # fmt: skip
+            task.id,
+            f"[{color}]{task.state}[/]",
+            *priority,
+            _took(task),
+            str(task.steps),
+            escape(task.instruction),
+            escape(task.message),
+        )
     return out
 
 
@@ -40,11 +45,16 @@ def object_table(objects: Sequence[FoundObject]) -> Table:
     out = plain_table(*columns, *(["stored"] if marked else []))
     for found in objects:
         out.add_row(
-            str(found.id), escape(found.class_name), f"{found.score:.2f}",
-            f"{found.class_score:.2f}", f"{found.uncertainty:.2f}", str(found.views),
-            _metres(found.center_m), _metres(found.size_m),
+            str(found.id),
+            escape(found.class_name),
+            f"{found.score:.2f}",
+            f"{found.class_score:.2f}",
+            f"{found.uncertainty:.2f}",
+            str(found.views),
+            _metres(found.center_m),
+            _metres(found.size_m),
             *([found.relocalisation or ""] if marked else []),
-        )  # fmt: skip
+        )
     return out
 
 
@@ -53,9 +63,13 @@ def stored_table(objects: Sequence[StoredObject]) -> Table:
     out = plain_table("stored", "class", "Ψ", "views", "centre (m)", "size (m)")
     for found in objects:
         out.add_row(
-            found.relocalisation, escape(found.class_name), f"{found.score:.2f}",
-            str(found.views), _metres(found.center_m), _metres(found.size_m),
-        )  # fmt: skip
+            found.relocalisation,
+            escape(found.class_name),
+            f"{found.score:.2f}",
+            str(found.views),
+            _metres(found.center_m),
+            _metres(found.size_m),
+        )
     return out
 
 
@@ -82,9 +96,13 @@ def seen_tables(found: Seen) -> list[Table | str]:
             camera = view.camera
             stood = _metres([camera["x_m"], camera["y_m"]]) if camera else "-"
             views.add_row(
-                str(number), escape(view.class_name) or "-", f"{view.score:.2f}",
-                _metres(view.center_m), stood, f"{view.stamp_s:.1f}",
-            )  # fmt: skip
+                str(number),
+                escape(view.class_name) or "-",
+                f"{view.score:.2f}",
+                _metres(view.center_m),
+                stood,
+                f"{view.stamp_s:.1f}",
+            )
         out.append(views)
     elif found.views_asked or not found.views_note:
         out.append(f"none of {found.views_asked} past views fits the prompt")

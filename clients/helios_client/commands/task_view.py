@@ -101,8 +101,9 @@ def say_stopped(helios: Helios, console: Console) -> None:
         why = f" ({escape(reason)})" if reason else ""
         console.print(
             f"[red]the robot is stopped[/]{why}: the task waits for `helios clear-stop`",
-            highlight=False, soft_wrap=True,
-        )  # fmt: skip
+            highlight=False,
+            soft_wrap=True,
+        )
 
 
 def run_task(helios: Helios, instruction: str, timeout_s: float, console: Console) -> Task:
@@ -128,9 +129,11 @@ def watch_task(
     try:
         with hangup_raises(f"the task continues; watch it with: helios watch {task.id}"):
             console.print(
-                f"task {task.id}: {task.instruction}", highlight=False, markup=False,
+                f"task {task.id}: {task.instruction}",
+                highlight=False,
+                markup=False,
                 soft_wrap=True,
-            )  # fmt: skip
+            )
             if notes is not None:
                 say_stopped(helios, notes)
             if console.is_terminal:
@@ -140,8 +143,10 @@ def watch_task(
         if not cancels:
             console.print(
                 f"the task continues; end it with: helios cancel {task.id}",
-                highlight=False, markup=False, soft_wrap=True,
-            )  # fmt: skip
+                highlight=False,
+                markup=False,
+                soft_wrap=True,
+            )
             raise
         console.print("cancelling the task")
         try:
@@ -149,8 +154,11 @@ def watch_task(
         except (HeliosError, KeyboardInterrupt):
             console.print(
                 "the cancellation was not confirmed, so the task may continue; end it with: "
-                f"helios cancel {task.id}", highlight=False, markup=False, soft_wrap=True,
-            )  # fmt: skip
+                f"helios cancel {task.id}",
+                highlight=False,
+                markup=False,
+                soft_wrap=True,
+            )
             raise
         console.print(helios.wait(task.id, CANCEL_S).message, highlight=False, markup=False)
         raise
@@ -189,8 +197,10 @@ def _watch_lines(helios: Helios, task: Task, timeout_s: float, console: Console)
             phase = f" {t.phase.replace('_', ' ')}" if t.phase else ""
             console.print(
                 f"{t.state} {t.progress:4.0%}{phase}: {t.message}{left}",
-                highlight=False, markup=False, soft_wrap=True,
-            )  # fmt: skip
+                highlight=False,
+                markup=False,
+                soft_wrap=True,
+            )
 
     return helios.wait(task.id, timeout_s, say)
 

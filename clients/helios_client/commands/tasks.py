@@ -81,9 +81,7 @@ def task(
     Ctrl-C cancels the task. If the robot is stopped, a note says that the task waits for helios
     clear-stop.
     """
-    asked = (
-        instruction, max_steps, agent, time_limit_s, priority, named_values(own or ())
-    )  # fmt: skip
+    asked = (instruction, max_steps, agent, time_limit_s, priority, named_values(own or ()))
     if at.is_for_fleet:
         from helios_client.commands.fleet import submit_to_fleet
 

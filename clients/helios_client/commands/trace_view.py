@@ -84,9 +84,13 @@ def _shares(found: Sequence[Share]) -> Table:
     whole_s = sum(share.total_s for share in found)
     for share in found[:MOST_SHARES]:
         out.add_row(
-            share.service, escape(share.name), str(share.count), f"{share.total_s:.2f}",
-            f"{100 * share.total_s / whole_s:.0f} %", f"{1e3 * share.longest_s:.0f}",
-        )  # fmt: skip
+            share.service,
+            escape(share.name),
+            str(share.count),
+            f"{share.total_s:.2f}",
+            f"{100 * share.total_s / whole_s:.0f} %",
+            f"{1e3 * share.longest_s:.0f}",
+        )
     rest = found[MOST_SHARES:]
     if rest:
         rest_s = sum(share.total_s for share in rest)
@@ -104,9 +108,12 @@ def _slowest(steps: Sequence[Step], at: int, chain: Sequence[Link]) -> list[Rend
         if link.took_s < LEAST_S:
             continue
         table.add_row(
-            f"{1e3 * (link.start_s - step.start_s):.0f}", f"{1e3 * link.took_s:.0f}",
-            link.span.service, escape(link.name), escape(_detail(link)),
-        )  # fmt: skip
+            f"{1e3 * (link.start_s - step.start_s):.0f}",
+            f"{1e3 * link.took_s:.0f}",
+            link.span.service,
+            escape(link.name),
+            escape(_detail(link)),
+        )
     return [Text(title, style="bold"), table]
 
 

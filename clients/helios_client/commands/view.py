@@ -71,11 +71,15 @@ def view(
     elif not recording.exists():
         raise UsageError(f"there is no recording {recording}; give one of `helios record`")
     options = ViewOptions(
-        recording=recording, router=bus.link() if recording is None else None,
-        robot=bus.robot, save=save, web_port=web_port,
+        recording=recording,
+        router=bus.link() if recording is None else None,
+        robot=bus.robot,
+        save=save,
+        web_port=web_port,
         foxglove_port=foxglove_port if foxglove else None,
-        rerun_port=rerun_port if rerun and save is None else None, speed=speed,
-    )  # fmt: skip
+        rerun_port=rerun_port if rerun and save is None else None,
+        speed=speed,
+    )
     stopping = threading.Event()
     on_signals(ending_signals(), stopping.set)
     run_view(options, stopping, lambda text: print_line(text, stderr=True, flush=True))

@@ -52,9 +52,11 @@ class Connection:
             if isinstance(value, float) and not math.isfinite(value):
                 raise InvalidInput(f"{name} is {value}; wanted a finite number")
         out: dict[str, Any] = {
-            "method": call.verb, "json": call.body,
-            "url": ("/v1" if call.of_all else self._prefix) + call.path, "params": dict(call.query),
-        }  # fmt: skip
+            "method": call.verb,
+            "json": call.body,
+            "url": ("/v1" if call.of_all else self._prefix) + call.path,
+            "params": dict(call.query),
+        }
         if call.content is not None:
             out |= {"content": call.content, "headers": {"content-type": "application/zip"}}
         if call.timeout_s is not None:
@@ -72,16 +74,19 @@ class Connection:
         secure = "s" if scheme == "https" else ""
         return {
             "uri": f"ws{secure}://{rest}{self._prefix}{path}",
-            "additional_headers": self._headers, "open_timeout": self._timeout_s, "proxy": None,
-        }  # fmt: skip
+            "additional_headers": self._headers,
+            "open_timeout": self._timeout_s,
+            "proxy": None,
+        }
 
     def event_request(
         self, types: tuple[str, ...], task_id: str | None, last_id: str, silence_s: float
     ) -> dict[str, Any]:
         """Arguments of the client's `stream`, for events."""
         return {
-            "method": "GET", "url": f"{self._prefix}/events",
+            "method": "GET",
+            "url": f"{self._prefix}/events",
             "params": event_query(types, task_id),
             "headers": {"last-event-id": last_id} if last_id else {},
             "timeout": httpx.Timeout(self._timeout_s, read=silence_s),
-        }  # fmt: skip
+        }

@@ -90,10 +90,13 @@ def submit(
     settings: Mapping[str, str | float] | None,
 ) -> Call[Task]:
     asked = {
-        "instruction": instruction, "max_steps": max_steps, "agent": agent,
-        "time_limit_s": time_limit_s, "priority": priority or None,
+        "instruction": instruction,
+        "max_steps": max_steps,
+        "agent": agent,
+        "time_limit_s": time_limit_s,
+        "priority": priority or None,
         "settings": dict(settings) if settings else None,
-    }  # fmt: skip
+    }
     body = {name: value for name, value in asked.items() if value is not None}
     return Call("POST", "/tasks", lambda r: Task.from_json(_json(r)), body)
 
@@ -105,9 +108,11 @@ def task(id: str) -> Call[Task]:
 def tasks(state: str | None, limit: int | None) -> Call[tuple[Task, ...]]:
     asked = {"state": state, "limit": limit}
     return Call(
-        "GET", "/tasks", lambda r: tuple(Task.from_json(t) for t in _json(r)["tasks"]),
+        "GET",
+        "/tasks",
+        lambda r: tuple(Task.from_json(t) for t in _json(r)["tasks"]),
         query={name: value for name, value in asked.items() if value is not None},
-    )  # fmt: skip
+    )
 
 
 def cancel(id: str) -> Call[Task]:
@@ -163,10 +168,12 @@ def fleet_task(id: str) -> Call[FleetTask]:
 def fleet_tasks(state: str | None, limit: int | None) -> Call[tuple[FleetTask, ...]]:
     asked = {"state": state, "limit": limit}
     return Call(
-        "GET", "/fleet/tasks",
+        "GET",
+        "/fleet/tasks",
         lambda r: tuple(FleetTask.from_json(t) for t in _json(r)["tasks"]),
-        query={name: value for name, value in asked.items() if value is not None}, of_all=True,
-    )  # fmt: skip
+        query={name: value for name, value in asked.items() if value is not None},
+        of_all=True,
+    )
 
 
 def cancel_fleet_task(id: str) -> Call[FleetTask]:
@@ -183,18 +190,22 @@ def suggestions(limit: int) -> Call[Suggestions]:
 
 def objects(class_name: str | None, min_score: float | None) -> Call[tuple[FoundObject, ...]]:
     return Call(
-        "GET", "/objects", lambda r: tuple(FoundObject.from_json(o) for o in _json(r)["objects"]),
+        "GET",
+        "/objects",
+        lambda r: tuple(FoundObject.from_json(o) for o in _json(r)["objects"]),
         query=_given({"class": class_name, "min_score": min_score}),
-    )  # fmt: skip
+    )
 
 
 def stored_objects(
     class_name: str | None, min_score: float | None
 ) -> Call[tuple[StoredObject, ...]]:
     return Call(
-        "GET", "/objects", lambda r: tuple(StoredObject.from_json(o) for o in _json(r)["stored"]),
+        "GET",
+        "/objects",
+        lambda r: tuple(StoredObject.from_json(o) for o in _json(r)["stored"]),
         query=_given({"class": class_name, "min_score": min_score}),
-    )  # fmt: skip
+    )
 
 
 def found_object(id: int) -> Call[FoundObject]:
@@ -244,10 +255,12 @@ def seen(prompt: str, limit: int) -> Call[Seen]:
 
 def object_views(id: int, limit: int) -> Call[tuple[SeenView, ...]]:
     return Call(
-        "GET", f"/objects/{id}/views",
+        "GET",
+        f"/objects/{id}/views",
         lambda r: tuple(SeenView.from_json(view) for view in _json(r)["views"]),
-        query={"limit": limit}, timeout_s=SEEN_S,
-    )  # fmt: skip
+        query={"limit": limit},
+        timeout_s=SEEN_S,
+    )
 
 
 def camera() -> Call[bytes]:

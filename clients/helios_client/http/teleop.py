@@ -27,8 +27,10 @@ if TYPE_CHECKING:
 REPEAT_S = 0.1  # period at which a held command is sent again
 NOT_ALLOWED = 1008
 _REFUSALS: dict[str, type[HeliosError]] = {
-    "invalid": InvalidInput, "unavailable": Unavailable, "timeout": DeadlineExceeded,
-}  # fmt: skip
+    "invalid": InvalidInput,
+    "unavailable": Unavailable,
+    "timeout": DeadlineExceeded,
+}
 
 
 @dataclass(frozen=True)

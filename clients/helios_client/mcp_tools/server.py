@@ -64,9 +64,14 @@ def _message(tool: str, errors: Sequence[Mapping[str, Any]], known: Mapping[str,
 
 
 _TYPES = {
-    "string": "text", "integer": "a whole number", "number": "a number", "boolean": "true or false",
-    "null": "null", "array": "a list", "object": "an object",
-}  # fmt: skip
+    "string": "text",
+    "integer": "a whole number",
+    "number": "a number",
+    "boolean": "true or false",
+    "null": "null",
+    "array": "a list",
+    "object": "an object",
+}
 
 
 def _wanted(schema: Mapping[str, Any]) -> str:

@@ -34,9 +34,12 @@ class Effect:
         if self.reads_only:
             return ToolAnnotations(title=title, read_only_hint=True, open_world_hint=False)
         return ToolAnnotations(
-            title=title, read_only_hint=False, destructive_hint=self.destroys,
-            idempotent_hint=self.repeatable, open_world_hint=True,
-        )  # fmt: skip
+            title=title,
+            read_only_hint=False,
+            destructive_hint=self.destroys,
+            idempotent_hint=self.repeatable,
+            open_world_hint=True,
+        )
 
 
 READS = Effect(reads_only=True)

@@ -41,22 +41,35 @@ def rows(folder: Path) -> list[Row]:
     names = {model.id for model in CATALOGUE}
     others = [
         Row(
-            id, "", f"transformers:{id}", size_text(m.bytes / MB), m.bytes, m.licence,
-            "yes" if fetched(id, folder) else "incomplete", m.revision, "",
+            id,
+            "",
+            f"transformers:{id}",
+            size_text(m.bytes / MB),
+            m.bytes,
+            m.licence,
+            "yes" if fetched(id, folder) else "incomplete",
+            m.revision,
+            "",
         )
         for id, m in lock.items()
         if id not in names
-    ]  # fmt: skip
+    ]
     return recommended + others
 
 
 def _row(model: CatalogueModel, made: LockedModel | None, folder: Path) -> Row:
     size = size_text(made.bytes / MB) if made else f"~{size_text(model.about_mb)}"
     return Row(
-        model.id, model.use, model.setting, size, made.bytes if made else None,
-        made.licence if made else model.licence, _state(model, made, folder),
-        made.revision if made else "", model.note,
-    )  # fmt: skip
+        model.id,
+        model.use,
+        model.setting,
+        size,
+        made.bytes if made else None,
+        made.licence if made else model.licence,
+        _state(model, made, folder),
+        made.revision if made else "",
+        model.note,
+    )
 
 
 def _state(model: CatalogueModel, made: LockedModel | None, folder: Path) -> str:

@@ -63,9 +63,14 @@ class Results:
             out.add_column(heading, justify="right", no_wrap=True)
         for o in self.objects:
             out.add_row(
-                str(o["id"]), escape(o["class"]), _metres(o["center_m"]), _metres(o["size_m"]),
-                f"{o['score']:.2f}", f"{o['uncertainty']:.2f}", str(o["views"]),
-            )  # fmt: skip
+                str(o["id"]),
+                escape(o["class"]),
+                _metres(o["center_m"]),
+                _metres(o["size_m"]),
+                f"{o['score']:.2f}",
+                f"{o['uncertainty']:.2f}",
+                str(o["views"]),
+            )
         return out
 
 

@@ -162,9 +162,12 @@ def _play(
     ends or there is no progress, and KeyboardInterrupt for an interrupt before any frame was
     mapped."""
     columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
         TextColumn("{task.fields[pace]}"),
-    )  # fmt: skip
+    )
     began_s = time.monotonic()
     with Progress(*columns, console=console) as progress:
         bar = progress.add_task("starting the services", total=watch.known.frames, pace="")

@@ -62,9 +62,12 @@ class FleetOptions(StackOptions):
     def _alone(self, number: int, robot: str) -> StackOptions:
         """Options of one robot, with a state folder of its own."""
         values = {name: getattr(self, name) for name in StackOptions.__dataclass_fields__}
-        values |= {"name": robot, "seed": self.seed + number,
-                   "state_dir": self.state_dir / "robots" / robot,
-                   "ros2_node": re.sub(r"\W", "_", f"helios_{robot}", flags=re.ASCII)}  # fmt: skip
+        values |= {
+            "name": robot,
+            "seed": self.seed + number,
+            "state_dir": self.state_dir / "robots" / robot,
+            "ros2_node": re.sub(r"\W", "_", f"helios_{robot}", flags=re.ASCII),
+        }
         if self.record is not None:
             values["record"] = self.record / robot
         return StackOptions(**values)

@@ -107,9 +107,11 @@ class ForkServer:
             command = (sys.executable, "-m", fork_server.NAME, str(fd), str(os.getpid()))
             self._process = subprocess.Popen(
                 (*command, " " * fork_server.TITLE_BYTES),
-                stdin=subprocess.DEVNULL, pass_fds=(fd,), start_new_session=True,
+                stdin=subprocess.DEVNULL,
+                pass_fds=(fd,),
+                start_new_session=True,
                 env=ENVIRONMENT | os.environ | fork_server.KEEP_ENVIRONMENT,
-            )  # fmt: skip
+            )
 
 
 def is_wanted(environment: Mapping[str, str]) -> bool:

@@ -35,8 +35,11 @@ def check_packages(program: str) -> None:
     try:
         done = subprocess.run(
             [program, "-c", "import rclpy, helios_ros2.settings"],
-            capture_output=True, text=True, timeout=IMPORT_WITHIN_S, check=False,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            timeout=IMPORT_WITHIN_S,
+            check=False,
+        )
     except subprocess.TimeoutExpired:
         return  # a slow machine; the process will say what is wrong
     if done.returncode:

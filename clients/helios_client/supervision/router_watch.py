@@ -41,9 +41,10 @@ class RouterWatch:
         if router.pid != self._pid:
             self._pid, self._started_s = router.pid, now_s
         heard_s = {  # by process, since several services may share one
-            p.pid: s for p in table
+            p.pid: s
+            for p in table
             if p.state is ProcessState.RUNNING and (s := self._service_table.heard_s(p)) is not None
-        }  # fmt: skip
+        }
         if len(heard_s) < LEAST_PROCESSES or max(heard_s.values()) < self._started_s:
             return False
         return now_s - max(*heard_s.values(), self._resumed_s) > SILENT_S

@@ -124,53 +124,67 @@ class StackOptions:
         if self.robot == "sim":
             out.append(
                 self._service(
-                    "world", "helios_sim", seed=self.seed, preset=self.preset,
-                    home=self.home, level=self.level, furniture=self.furniture,
+                    "world",
+                    "helios_sim",
+                    seed=self.seed,
+                    preset=self.preset,
+                    home=self.home,
+                    level=self.level,
+                    furniture=self.furniture,
                 )
-            )  # fmt: skip
+            )
         if self.robot != REMOTE:
             out.append(self._bridge())
-        if self.detector == RECORDED_DETECTOR:
-            out.append(self._service("detector", "helios_replay", source=self.source))
-        else:
-            out.append(
-                self._service(
-                    "detector", "helios_detector", detector=self.detector, scorer=self.scorer,
-                    noise=self.noise,
-                    noise_seed=self._noise_seed(),
-                )
-            )  # fmt: skip
+        out.append(self._detecting())
         kept = self.state_dir if self.port is not None else None  # a replay starts with empty maps
         out.append(
             self._service(
-                "objectmap", "helios_objectmap", state_dir=kept and kept / "objectmap",
+                "objectmap",
+                "helios_objectmap",
+                state_dir=kept and kept / "objectmap",
                 agent=self.agent,
             )
-        )  # fmt: skip
+        )
         out.append(self._service("map2d", "helios_map2d", state_dir=kept and kept / "map2d"))
         if self.port is not None:
-            out.append(
-                self._service(
-                    "planner",
-                    "helios_planner",
-                    state_dir=self._tasks_dir(),
-                    agent=self.agent,
-                    max_steps=self.max_steps,
-                )
-            )
-            audit = self.state_dir / "audit.jsonl"
-            out.append(
-                self._service(
-                    "gateway", "helios_gateway", port=self.port, audit=audit,
-                    faults=self.state_dir / "faults", fleet_queue=self.state_dir / "fleet.sqlite",
-                )
-            )  # fmt: skip
+            out += self._planning(self.port)
         if self.record is not None:
             out.append(self._service("recorder", "helios_recorder", out=self.record))
         if self.ros2_output:
             flags = {"python": self.ros2_python, "node": self.ros2_node}
             out.append(self._service("ros2", "helios_ros2", **flags))
         return tuple(out)
+
+    def _detecting(self) -> ProcessSpec:
+        if self.detector == RECORDED_DETECTOR:
+            return self._service("detector", "helios_replay", source=self.source)
+        return self._service(
+            "detector",
+            "helios_detector",
+            detector=self.detector,
+            scorer=self.scorer,
+            noise=self.noise,
+            noise_seed=self._noise_seed(),
+        )
+
+    def _planning(self, port: int) -> tuple[ProcessSpec, ProcessSpec]:
+        """Planner, and gateway at a port."""
+        planner = self._service(
+            "planner",
+            "helios_planner",
+            state_dir=self._tasks_dir(),
+            agent=self.agent,
+            max_steps=self.max_steps,
+        )
+        gateway = self._service(
+            "gateway",
+            "helios_gateway",
+            port=port,
+            audit=self.state_dir / "audit.jsonl",
+            faults=self.state_dir / "faults",
+            fleet_queue=self.state_dir / "fleet.sqlite",
+        )
+        return planner, gateway
 
     def _noise_seed(self) -> int | None:
         """Seed of the simulated detector's errors: that of the home, unless the environment sets

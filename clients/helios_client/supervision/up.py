@@ -223,11 +223,13 @@ class _Run:
             return
         self._written, self._written_s = rows, now_s
         about = {
-            "address": self._stack.address, "state_dir": str(self._stack.state_dir),
-            "router": self._stack.router, "robot": self._stack.name,
+            "address": self._stack.address,
+            "state_dir": str(self._stack.state_dir),
+            "router": self._stack.router,
+            "robot": self._stack.name,
             "robots": self._stack.robot_names,
             "certs": None if self._stack.certs is None else str(self._stack.certs),
-        }  # fmt: skip
+        }
         try:
             state_file.write(self._state_dirs, as_json(rows) | about)
         except OSError as error:  # a full disk must not end the robot's services

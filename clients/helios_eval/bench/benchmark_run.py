@@ -87,8 +87,15 @@ def _table(rows: list[Row], ratios: list[list[float]]) -> Table:
         table.add_column(heading, justify="right" if heading in right else "left")
     for row, of in zip(rows, ratios, strict=True):
         span = f"{of[0]:.2f}–{of[-1]:.2f}"
-        table.add_row(row.name, row.size, f"{row.ours_ms:.2f}", row.peer, f"{row.peer_ms:.2f}",
-                      f"{row.ratio:.2f}", span)  # fmt: skip
+        table.add_row(
+            row.name,
+            row.size,
+            f"{row.ours_ms:.2f}",
+            row.peer,
+            f"{row.peer_ms:.2f}",
+            f"{row.ratio:.2f}",
+            span,
+        )
     return table
 
 

@@ -128,10 +128,12 @@ def occupancy_update() -> Row:
     """Milliseconds to integrate one depth image into occupancy, explored area and frontiers."""
     ours, plain = OurMaps(), PeerMaps()
     return compare(
-        "occupancy_update", f"640x480 depth into {CELLS}x{CELLS} cells",
+        "occupancy_update",
+        f"640x480 depth into {CELLS}x{CELLS} cells",
         lambda i: ours.occupancy(frames()[i % FRAMES]),
-        "OpenCV and numpy on whole arrays", lambda i: plain.occupancy(frames()[i % FRAMES]),
-    )  # fmt: skip
+        "OpenCV and numpy on whole arrays",
+        lambda i: plain.occupancy(frames()[i % FRAMES]),
+    )
 
 
 def value_fusion() -> Row:
@@ -140,11 +142,13 @@ def value_fusion() -> Row:
     layers.reset(("pick", "place"))
     scores = {"pick": 0.3, "place": 0.6}
     return compare(
-        "value_fusion", f"2 layers, {CELLS}x{CELLS} cells",
+        "value_fusion",
+        f"2 layers, {CELLS}x{CELLS} cells",
         lambda i: layers.integrate(cone_of(project_frame(frames()[i % FRAMES], on)), scores),
         "OpenCV and numpy on whole arrays",
-        lambda i: plain.value(frames()[i % FRAMES], (0.3, 0.6)), runs=7,
-    )  # fmt: skip
+        lambda i: plain.value(frames()[i % FRAMES], (0.3, 0.6)),
+        runs=7,
+    )
 
 
 def frontiers() -> Row:
@@ -168,6 +172,9 @@ def frontiers() -> Row:
         return len(finder.find(occupancy, ours.ground, (0.8, 0.0), {}))
 
     return compare(
-        "frontiers", f"{CELLS}x{CELLS} cells", anew,
-        "OpenCV on whole arrays", lambda _: plain.frontiers(),
-    )  # fmt: skip
+        "frontiers",
+        f"{CELLS}x{CELLS} cells",
+        anew,
+        "OpenCV on whole arrays",
+        lambda _: plain.frontiers(),
+    )

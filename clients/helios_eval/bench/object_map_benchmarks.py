@@ -183,9 +183,13 @@ def object_update() -> list[Row]:
     views, sides = map_after_updates(FIRST, COLUMNS), map_after_updates(FIRST, COLUMNS, "sides")
     beside = "with evidence by views"
     by_sides = compare(
-        "object_update", "evidence by sides", UpdateSequence().updates(sides), beside,
-        UpdateSequence().updates(views), RUNS,
-    )  # fmt: skip
+        "object_update",
+        "evidence by sides",
+        UpdateSequence().updates(sides),
+        beside,
+        UpdateSequence().updates(views),
+        RUNS,
+    )
     return [
         replace(
             times, size=f"{len(small)} Gaussians in the map at the end, {alone.median} in view"
@@ -227,6 +231,10 @@ def view_scores(poses: int = 16) -> Row:
         base = se2_to_se3(0.8, 0.2 * (k - poses / 2), 0.02 * k)
         views.append(view_of(camera_on_base(base, 1.31, 0.4)))
     return compare(
-        "view_scores", f"{poses} views of {target.gaussians} Gaussians",
-        lambda _: objects.what_if(target.id, target.class_name, views), OWN, our_render(), 9,
-    )  # fmt: skip
+        "view_scores",
+        f"{poses} views of {target.gaussians} Gaussians",
+        lambda _: objects.what_if(target.id, target.class_name, views),
+        OWN,
+        our_render(),
+        9,
+    )

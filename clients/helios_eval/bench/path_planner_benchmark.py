@@ -58,7 +58,10 @@ def _row(rooms: tuple[int, int]) -> Row:
     phi = np.ma.MaskedArray(phi, speed == 0)
     speeds = np.maximum(speed, SLOWEST)
     return compare(
-        "plan_fm2", f"{CELLS}x{CELLS} cells, {np.count_nonzero(speed)} reachable",
-        lambda _: arrival_time(speed, goal), "scikit-fmm",
-        lambda _: skfmm.travel_time(phi, speeds, order=1), 9,
-    )  # fmt: skip
+        "plan_fm2",
+        f"{CELLS}x{CELLS} cells, {np.count_nonzero(speed)} reachable",
+        lambda _: arrival_time(speed, goal),
+        "scikit-fmm",
+        lambda _: skfmm.travel_time(phi, speeds, order=1),
+        9,
+    )

@@ -18,9 +18,13 @@ def boxes(seed: int = 0) -> NDArray[np.float32]:
     """Walls and furniture [n, 6] (low corner, high corner) of a flat of 10 x 8 m, metres."""
     rng = np.random.default_rng(seed)
     walls = [
-        (-5.1, -4, 0, -5, 4, 2.6), (5, -4, 0, 5.1, 4, 2.6), (-5, -4.1, 0, 5, -4, 2.6),
-        (-5, 4, 0, 5, 4.1, 2.6), (-0.05, -4, 0, 0.05, -0.6, 2.6), (-0.05, 0.6, 0, 0.05, 4, 2.6),
-    ]  # fmt: skip
+        (-5.1, -4, 0, -5, 4, 2.6),
+        (5, -4, 0, 5.1, 4, 2.6),
+        (-5, -4.1, 0, 5, -4, 2.6),
+        (-5, 4, 0, 5, 4.1, 2.6),
+        (-0.05, -4, 0, 0.05, -0.6, 2.6),
+        (-0.05, 0.6, 0, 0.05, 4, 2.6),
+    ]
     out = list(walls)
     while len(out) < 40:
         x, y = rng.uniform(-4.6, 4.6), rng.uniform(-3.6, 3.6)

@@ -64,9 +64,16 @@ def compare(
             times[which].append((time.perf_counter() - began) * 1e3)
     ratios = [theirs / own for own, theirs in zip(times[0], times[1], strict=True)]
     return Row(
-        name, size, statistics.median(times[0]), peer_name, statistics.median(times[1]), runs,
-        deviation(times[0]), deviation(times[1]), deviation(ratios),
-    )  # fmt: skip
+        name,
+        size,
+        statistics.median(times[0]),
+        peer_name,
+        statistics.median(times[1]),
+        runs,
+        deviation(times[0]),
+        deviation(times[1]),
+        deviation(ratios),
+    )
 
 
 def deviation(values: Sequence[float]) -> float:

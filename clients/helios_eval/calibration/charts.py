@@ -47,16 +47,24 @@ def reliability_png(samples: Samples, rows: Sequence[Row]) -> bytes:
     with mpl.rc_context(STYLE):
         canvas = plt.figure(figsize=(10.4, 13.4))
         grid = canvas.add_gridspec(
-            5, 2, height_ratios=[4.4, 1, 1.15, 4.4, 1], hspace=0.1, wspace=0.16,
-            left=0.085, right=0.985, top=0.895, bottom=0.048,
-        )  # fmt: skip
+            5,
+            2,
+            height_ratios=[4.4, 1, 1.15, 4.4, 1],
+            hspace=0.1,
+            wspace=0.16,
+            left=0.085,
+            right=0.985,
+            top=0.895,
+            bottom=0.048,
+        )
         for down, role in enumerate(ROLES):
             part = samples.of_role(role)
             for across, name in enumerate(("S", "Ψ")):
                 axes = canvas.add_subplot(grid[3 * down, across])
                 below = canvas.add_subplot(grid[3 * down + 1, across], sharex=axes)
-                row = next((r for r in rows if r.role == role and r.score == name
-                            and r.views == ALL), None)  # fmt: skip
+                row = next(
+                    (r for r in rows if r.role == role and r.score == name and r.views == ALL), None
+                )
                 axes.set_title(f"{ROLE_NAME[role]}: {NAME[name]}", pad=42)
                 _diagram(axes, below, part, name, row)
                 if across == 0:
@@ -64,8 +72,14 @@ def reliability_png(samples: Samples, rows: Sequence[Row]) -> bytes:
                     below.set_ylabel("beliefs")
                 below.set_xlabel(f"what the map says ({NAME[name]})")
         handles, labels = canvas.axes[0].get_legend_handles_labels()
-        canvas.legend(handles, labels, loc="upper center", ncols=3, bbox_to_anchor=(0.53, 0.985),
-                      fontsize=11.5)  # fmt: skip
+        canvas.legend(
+            handles,
+            labels,
+            loc="upper center",
+            ncols=3,
+            bbox_to_anchor=(0.53, 0.985),
+            fontsize=11.5,
+        )
         return _png(canvas)
 
 
@@ -87,8 +101,13 @@ def views_png(samples: Samples, rows: Sequence[Row]) -> bytes:
                 for k, views in enumerate(names):
                     row = known.get((views, name))
                     if row:
-                        error.plot([k + shift - 0.08, k + shift + 0.08], [row.ece_by_chance] * 2,
-                                   color=FAINT, lw=2, label="_")  # fmt: skip
+                        error.plot(
+                            [k + shift - 0.08, k + shift + 0.08],
+                            [row.ece_by_chance] * 2,
+                            color=FAINT,
+                            lw=2,
+                            label="_",
+                        )
             error.plot([], [], color=FAINT, lw=2, label="calibrated: 95 % below")
             for shift, name in ((-0.14, "S"), (0.0, "Ψ"), (0.14, "−U")):
                 _points(area, names, known, name, shift, "auroc")
@@ -98,8 +117,15 @@ def views_png(samples: Samples, rows: Sequence[Row]) -> bytes:
             area.set_ylim(min(0.35, area.get_ylim()[0]), 1.02)
             for axes in line:
                 if not known:
-                    axes.text(0.5, 0.5, f"no group of {MIN_SAMPLES} beliefs", ha="center",
-                              va="center", color=FAINT, transform=axes.transAxes)  # fmt: skip
+                    axes.text(
+                        0.5,
+                        0.5,
+                        f"no group of {MIN_SAMPLES} beliefs",
+                        ha="center",
+                        va="center",
+                        color=FAINT,
+                        transform=axes.transAxes,
+                    )
                 counts = [len(part.of_views(name)) for name in names]
                 ticks = [f"{n}\nn = {c}" for n, c in zip(names, counts, strict=True)]
                 axes.set_xticks(range(len(names)), ticks)
@@ -123,9 +149,13 @@ def settings_png(rows: Sequence[Row]) -> bytes:
     with mpl.rc_context(STYLE):
         height = 2.6 + 0.62 * len(settings)
         canvas, panels = plt.subplots(
-            1, 4, figsize=(15.0, height), sharey=True, squeeze=False,
+            1,
+            4,
+            figsize=(15.0, height),
+            sharey=True,
+            squeeze=False,
             gridspec_kw={"width_ratios": [1, 1, 1, 1]},
-        )  # fmt: skip
+        )
         for k, (role, figure) in enumerate((r, f) for r in ROLES for f in ("ece", "auroc")):
             axes: Axes = panels[0][k]
             title = "ECE" if figure == "ece" else "AUROC"
@@ -207,17 +237,29 @@ def _claims(axes: Axes, part: Samples, names: Sequence[str]) -> None:
             score = score_of(group, name)
             low, high = np.quantile(score, [0.25, 0.75])
             axes.plot([k + shift] * 2, [low, high], color=COLOR[name], lw=5, alpha=0.35, label="_")
-            axes.plot([k + shift], [score.mean()], MARKER[name], color=COLOR[name], ms=7,
-                      mec="white", label="_")  # fmt: skip
+            axes.plot(
+                [k + shift],
+                [score.mean()],
+                MARKER[name],
+                color=COLOR[name],
+                ms=7,
+                mec="white",
+                label="_",
+            )
     for name in ("true", "S", "Ψ"):
         label = NAME[name] if name == "true" else f"mean {name}, half of all"
         axes.plot([], [], MARKER[name], color=COLOR[name], ms=7, mec="white", label=label)
 
 
 def _points(
-    axes: Axes, places: Sequence[str], known: dict[tuple[str, str], Row], name: str,
-    shift: float, figure: str, upright: bool = True,
-) -> None:  # fmt: skip
+    axes: Axes,
+    places: Sequence[str],
+    known: dict[tuple[str, str], Row],
+    name: str,
+    shift: float,
+    figure: str,
+    upright: bool = True,
+) -> None:
     """Plot one statistic of a score with its interval, at each place that has a value."""
     at, values, low, high = [], [], [], []
     for k, place in enumerate(places):

@@ -81,11 +81,14 @@ def write(folders: Sequence[Path], out: Path, every_step: bool) -> Path:
         former.unlink()
     parts = [
         _INTRO.format(
-            sample=_EVERY if every_step else _LAST, resamples=RESAMPLES, fewest=MIN_SAMPLES,
+            sample=_EVERY if every_step else _LAST,
+            resamples=RESAMPLES,
+            fewest=MIN_SAMPLES,
             fewest_episodes=FEWEST_EPISODES,
-            episodes=len(records), folders=", ".join(f"`{f}`" for f in folders),
+            episodes=len(records),
+            folders=", ".join(f"`{f}`" for f in folders),
         )
-    ]  # fmt: skip
+    ]
     for k, figure in enumerate(made, 1):
         name = f"calibration-{k:02d}-{_slug(figure.title)}.png"
         write_file(out / name, figure.png)

@@ -46,9 +46,14 @@ class Samples:
 
     def where(self, mask: NDArray[np.bool_]) -> Samples:
         return Samples(
-            self.class_score[mask], self.score[mask], self.uncertainty[mask], self.views[mask],
-            self.correct[mask], self.receptacle[mask], self.episode[mask],
-        )  # fmt: skip
+            self.class_score[mask],
+            self.score[mask],
+            self.uncertainty[mask],
+            self.views[mask],
+            self.correct[mask],
+            self.receptacle[mask],
+            self.episode[mask],
+        )
 
     def of_role(self, role: str) -> Samples:
         """Samples of one role of ROLES."""

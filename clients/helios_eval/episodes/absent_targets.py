@@ -16,9 +16,13 @@ from helios_sim.home.task_sampling import sample_absent
 
 # Object classes that the shapes of furniture contain, as parts that cannot be picked.
 PARTS = {
-    "sofa": ("cushion",), "armchair": ("cushion",), "bed": ("cushion",),
-    "bookcase": ("book", "basket"), "shelf": ("basket",), "towel rail": ("towel",),
-}  # fmt: skip
+    "sofa": ("cushion",),
+    "armchair": ("cushion",),
+    "bed": ("cushion",),
+    "bookcase": ("book", "basket"),
+    "shelf": ("basket",),
+    "towel rail": ("towel",),
+}
 _WHETHER, _WHICH = 0xAB5E, 0xAB5F  # streams of the two draws
 
 

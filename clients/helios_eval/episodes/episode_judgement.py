@@ -88,6 +88,11 @@ def verdict(benchmark: Benchmark, world: World, said: AgentReport, max_steps: in
     cause = failure_cause(done, world.events, said, max_steps, put_back(world))
     shortest_m = world.tracker.shortest_path_m()
     return Verdict(
-        done.find_object, done.pick, done.find_receptacle, done.place, done.success, cause,
+        done.find_object,
+        done.pick,
+        done.find_receptacle,
+        done.place,
+        done.success,
+        cause,
         shortest_m if math.isfinite(shortest_m) else None,
-    )  # fmt: skip
+    )

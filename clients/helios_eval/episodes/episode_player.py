@@ -99,9 +99,13 @@ def make_world(spec: EpisodeSpec, home: Home, colored: bool = True) -> TimedWorl
         spec.benchmark, home, spec.seed, spec.target_absent, spec.inputs.task_classes
     )
     return TimedWorld(
-        home, episode, boot_id="evaluation", sensor=SENSORS[spec.sensor], pick_rule=spec.pick_rule,
+        home,
+        episode,
+        boot_id="evaluation",
+        sensor=SENSORS[spec.sensor],
+        pick_rule=spec.pick_rule,
         colored=colored,
-    )  # fmt: skip
+    )
 
 
 @contextmanager
@@ -167,10 +171,9 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
     def look(stack: InProcessStack) -> tuple[ObjectInstance, ...]:
         objects = tuple(stack.objects())
         T = invert(thread.run(lambda _: world.T_estimated_true))  # the robot's pose may drift
+        R, t = T[:3, :3], T[:3, 3]
         named = [
-            replace(
-                o, class_name=class_of(o.class_name), center_m=T[:3, :3] @ o.center_m + T[:3, 3]
-            )
+            replace(o, class_name=class_of(o.class_name), center_m=R @ o.center_m + t)
             for o in objects
         ]
         step = world.progress.steps
@@ -187,9 +190,15 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
 
     stack: InProcessStack | None = None
     stack = InProcessStack(
-        thread, spec.agent, spec.noise, spec.seed, spec.settings, on_step, spec.inputs.detector,
+        thread,
+        spec.agent,
+        spec.noise,
+        spec.seed,
+        spec.settings,
+        on_step,
+        spec.inputs.detector,
         on_decision,
-    )  # fmt: skip
+    )
     with stack:
         began = time.perf_counter()
         task = stack.run(episode.instruction, spec.max_steps, LONGEST_S)
@@ -212,10 +221,13 @@ def _live(spec: EpisodeSpec, thread: WorldThread) -> _Outcome:
 def _absence_estimate(decision: pb.Decision, step: int) -> AbsenceEstimate:
     values = decision.settings
     return AbsenceEstimate(
-        step=step, searches=int(values["searches"]), probability=values["absence_probability"],
-        start_score=values["start_score"], tried=int(values["tried"]),
+        step=step,
+        searches=int(values["searches"]),
+        probability=values["absence_probability"],
+        start_score=values["start_score"],
+        tried=int(values["tried"]),
         best_score=max((c.terms["total"] for c in decision.candidates), default=0.0),
-    )  # fmt: skip
+    )
 
 
 def _stages(world: TimedWorld) -> dict[str, float]:

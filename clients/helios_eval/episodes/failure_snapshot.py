@@ -122,7 +122,13 @@ def _marked(raw: dict[str, Any]) -> MarkedObject:
 
 
 _UNREADABLE = (  # raised by numpy and zipfile for a damaged file
-    OSError, EOFError, KeyError, TypeError, ValueError, RuntimeError, zipfile.BadZipFile,
+    OSError,
+    EOFError,
+    KeyError,
+    TypeError,
+    ValueError,
+    RuntimeError,
+    zipfile.BadZipFile,
     zlib.error,
-)  # fmt: skip
+)
 _ARRAYS = frozenset({"occupancy", "trajectory_m", "camera_jpeg"})

@@ -33,7 +33,7 @@ from helios_core.topics import (
     SNAPSHOT,
     SUBMIT,
     TASK,
-)  # fmt: skip
+)
 from helios_core.types import ObjectInstance
 from helios_detector.backend import DetectorOptions
 from helios_detector.model_loading import open_detector, open_scorer
@@ -56,6 +56,7 @@ from helios_eval.episodes.real_detector import RealDetector
 from helios_eval.episodes.service_settings import of_service, of_stack
 
 NEVER_S = 86_400.0
+BRIDGE = BridgeSettings(stream_hz=0, lockstep=True, lease_s=NEVER_S, heartbeat_s=0, checks=False)
 LONGEST_ACTION_S = 600.0  # maximum of the bridge
 CALL_S = 60.0
 
@@ -134,20 +135,22 @@ class InProcessStack:
         models = _models(world, noise, seed, settings, detector)
         models.warm_up()
         self._detector = DetectorService(
-            bus(), models.detector, models.scorer, self.healths["detector"], models.depth,
+            bus(),
+            models.detector,
+            models.scorer,
+            self.healths["detector"],
+            models.depth,
             previews=False,
-        )  # fmt: skip
+        )
         self._bridge = BridgeService(
-            bus(), world,
-            BridgeSettings(
-                stream_hz=0, lockstep=True, lease_s=NEVER_S, heartbeat_s=0, checks=False
-            ),
-            self.healths["bridge"], first_number=0,
-        )  # fmt: skip
-        self._planner = PlannerService(
-            bus(), _planner_settings(Path(self._folder.name), agent, seed, settings),
-            self.healths["planner"],
-        )  # fmt: skip
+            bus(),
+            world,
+            BRIDGE,
+            self.healths["bridge"],
+            first_number=0,
+        )
+        planner = _planner_settings(Path(self._folder.name), agent, seed, settings)
+        self._planner = PlannerService(bus(), planner, self.healths["planner"])
         self._bus.subscribe(TASK, self._on_task)
         self._bus.subscribe(DECISION, on_decision)
         self._on_step, self._last_seq = on_step, 0

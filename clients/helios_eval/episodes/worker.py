@@ -21,9 +21,13 @@ if TYPE_CHECKING:
 
 # One thread per library, since as many episodes run in parallel as there are cores.
 _COUNTS = (
-    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS", "LP_NUM_THREADS",
-)  # fmt: skip
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "LP_NUM_THREADS",
+)
 ONE_THREAD: dict[str, str] = dict.fromkeys(_COUNTS, "1")
 
 

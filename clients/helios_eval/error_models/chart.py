@@ -45,16 +45,24 @@ def _rates(axes: Any, model: DetectorErrorModel) -> None:
         x = [math.sqrt(b.low * b.high) for b in bands]
         axes.plot(x, [b.right for b in bands], "o-", color=RIGHT, label="right name")
         axes.plot(x, [b.wrong for b in bands], "s--", color=WRONG, label="only a wrong name")
-        axes.set(xscale="log", xlabel="visible pixels", ylabel="share of sightings",
-                 title="What an object gets in one image")  # fmt: skip
+        axes.set(
+            xscale="log",
+            xlabel="visible pixels",
+            ylabel="share of sightings",
+            title="What an object gets in one image",
+        )
     else:
         near = model.naming_by_distance
         x = [math.sqrt(b.low * b.high) for b in near]
         axes.plot(x, [b.right for b in near], "o-", color=RIGHT, label="its likeliest name")
-        axes.plot(x, [b.other for b in near], "s--", color=WRONG,
-                  label="each other name that it got")  # fmt: skip
-        axes.set(xlabel="distance (m)", ylabel="share of views that name it",
-                 title="Names of a thing by distance")  # fmt: skip
+        axes.plot(
+            x, [b.other for b in near], "s--", color=WRONG, label="each other name that it got"
+        )
+        axes.set(
+            xlabel="distance (m)",
+            ylabel="share of views that name it",
+            title="Names of a thing by distance",
+        )
     axes.set_ylim(0, 1)
     axes.legend(loc="best")
 
@@ -69,10 +77,16 @@ def _reliability(axes: Any, checked: NamesChecked) -> None:
         kept = bins.count >= LEAST_BIN
         low, high = bins.true - bins.true_low, bins.true_high - bins.true
         errors: NDArray[np.float64] = np.clip(np.stack([low, high]), 0, None)[:, kept]
-        axes.errorbar(bins.score[kept], bins.true[kept], errors, fmt=mark, color=color, label=name,
-                      capsize=3)  # fmt: skip
-    axes.set(xlabel="probability of the name by the map's rule", ylabel="share that is right",
-             xlim=(0, 1), ylim=(0, 1), title="What the map's probability is worth")  # fmt: skip
+        axes.errorbar(
+            bins.score[kept], bins.true[kept], errors, fmt=mark, color=color, label=name, capsize=3
+        )
+    axes.set(
+        xlabel="probability of the name by the map's rule",
+        ylabel="share that is right",
+        xlim=(0, 1),
+        ylim=(0, 1),
+        title="What the map's probability is worth",
+    )
     axes.legend(loc="upper left")
 
 
@@ -81,7 +95,11 @@ def _repeats(axes: Any, model: DetectorErrorModel) -> None:
     x = [(b.low_deg + b.high_deg) / 2 for b in bands]
     axes.plot(x, [b.same for b in bands], "o-", color=RIGHT, label="the same name")
     axes.plot(x, [b.other for b in bands], "s--", color=WRONG, label="another name only")
-    axes.set(xlabel="angle between two views of a place (degrees)", ylabel="share of pairs",
-             ylim=(0, 1), title="What another view says of it")  # fmt: skip
+    axes.set(
+        xlabel="angle between two views of a place (degrees)",
+        ylabel="share of pairs",
+        ylim=(0, 1),
+        title="What another view says of it",
+    )
     if bands:
         axes.legend(loc="upper right")

@@ -102,7 +102,10 @@ def of_homes(seen: HomeSightings, what: str, spec: str, with_truth: bool) -> Bui
     sightings, alarms = seen.arm.log.sightings(), seen.arm.log.false_alarms()
     told = summary(sightings, alarms) if with_truth else None
     model = DetectorErrorModel(
-        detector=seen.detector, digest=_digest(spec), names=names, none=none,
+        detector=seen.detector,
+        digest=_digest(spec),
+        names=names,
+        none=none,
         source=_source(what, counts, seen.views),
         naming_by_distance=_naming(things, shares(counts, fit.model)),
         rates_by_pixels=_bands(PIXELS, told.by_pixels) if told else (),
@@ -111,7 +114,7 @@ def of_homes(seen: HomeSightings, what: str, spec: str, with_truth: bool) -> Bui
         false_alarms_per_name=told.alarms_per_name if told else None,
         variance=_variance(asdict(told)) if told else None,
         score_calibration=score_points(sightings, alarms) if told else (),
-    )  # fmt: skip
+    )
     return Built(model, fit, _checked(counts))
 
 
@@ -119,11 +122,14 @@ def of_recordings(seen: RecordedSightings, what: str, spec: str) -> Built:
     """Model from recordings."""
     counts, fit, names, none = _names(seen.things)
     model = DetectorErrorModel(
-        detector=seen.detector, digest=_digest(spec), names=names, none=none,
+        detector=seen.detector,
+        digest=_digest(spec),
+        names=names,
+        none=none,
         source=_source(what, counts, seen.views),
         naming_by_distance=_naming(seen.things, shares(counts, fit.model)),
         repeats_by_angle=_repeats(seen.repeats),
-    )  # fmt: skip
+    )
     return Built(model, fit, _checked(counts))
 
 
@@ -149,9 +155,11 @@ def _names(
         for k, name in enumerate(FITTED)
     }
     return (
-        counts, fit, NameErrorEstimates(**estimates),
+        counts,
+        fit,
+        NameErrorEstimates(**estimates),
         Estimate(value=fit.none, low=low[-1], high=high[-1]),
-    )  # fmt: skip
+    )
 
 
 def intervals(counts: NameCounts, fit: NameFit) -> tuple[list[float], list[float]]:
@@ -203,9 +211,14 @@ def _source(what: str, counts: NameCounts, views: int) -> FitSource:
     known = int((counts.right != UNKNOWN).sum())
     truth = "truth" if known == len(counts) else "some truth" if known else "agreement"
     return FitSource(
-        what=what, truth=truth, views=views, things=len(counts), things_with_truth=known,
-        sides=round(float(counts.sides.sum()), 1), made_with=helios_version(),
-    )  # fmt: skip
+        what=what,
+        truth=truth,
+        views=views,
+        things=len(counts),
+        things_with_truth=known,
+        sides=round(float(counts.sides.sum()), 1),
+        made_with=helios_version(),
+    )
 
 
 def _digest(spec: str) -> str:
@@ -224,21 +237,29 @@ def _naming(things: Sequence[NamedThing], share: NDArray[np.float64]) -> tuple[N
         band = np.searchsorted(DISTANCES_M, away_m, "right") - 1
         inside = (band >= 0) & (band < len(total))
         known = float(likely.sum())
-        row = np.stack([
-            np.full(len(given), known), given @ likely,
-            np.full(len(given), float((1 - likely).sum())), given @ (1 - likely),
-        ], -1)  # fmt: skip
+        row = np.stack(
+            [
+                np.full(len(given), known),
+                given @ likely,
+                np.full(len(given), float((1 - likely).sum())),
+                given @ (1 - likely),
+            ],
+            -1,
+        )
         np.add.at(total, band[inside], row[inside])
     return tuple(
         NamingBand(
-            low=low, high=high, right=min(1.0, right / views),
-            other=min(1.0, other / max(pairs, 1e-9)), views=round(views, 1),
+            low=low,
+            high=high,
+            right=min(1.0, right / views),
+            other=min(1.0, other / max(pairs, 1e-9)),
+            views=round(views, 1),
         )
         for (low, high), (views, right, pairs, other) in zip(
             itertools.pairwise(DISTANCES_M), total.tolist(), strict=True
         )
         if views >= LEAST_BAND
-    )  # fmt: skip
+    )
 
 
 def _bands(borders: Sequence[float], rates: Sequence[Rates]) -> tuple[RateBand, ...]:
@@ -258,8 +279,9 @@ def _variance(figures: dict) -> VarianceShares | None:
 
 
 def _repeats(repeats: RepeatRates) -> tuple[RepeatBand, ...]:
-    bands = zip(itertools.pairwise(ANGLES_DEG), repeats.pairs, repeats.same, repeats.other,
-                strict=True)  # fmt: skip
+    bands = zip(
+        itertools.pairwise(ANGLES_DEG), repeats.pairs, repeats.same, repeats.other, strict=True
+    )
     return tuple(
         RepeatBand(low_deg=low, high_deg=high, same=same / n, other=other / n, pairs=int(n))
         for (low, high), n, same, other in bands

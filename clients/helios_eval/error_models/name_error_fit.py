@@ -147,11 +147,14 @@ def covariance(counts: NameCounts, fit: NameFit, unit: NDArray[np.int64]) -> Arr
     of which the things say nothing is that of its prior.
     """
     at = np.concatenate([fit.model, fit.rule])
-    slope = np.stack([
-        (_equations(counts, at + d).sum(axis=0) - _equations(counts, at - d).sum(axis=0))
-        / (2 * DIFFERENCE)
-        for d in DIFFERENCE * np.eye(len(at))
-    ], -1)  # fmt: skip
+    slope = np.stack(
+        [
+            (_equations(counts, at + d).sum(axis=0) - _equations(counts, at - d).sum(axis=0))
+            / (2 * DIFFERENCE)
+            for d in DIFFERENCE * np.eye(len(at))
+        ],
+        -1,
+    )
     by_unit = np.zeros((int(unit.max()) + 1, len(at)))
     np.add.at(by_unit, unit, _equations(counts, at))
     prior = np.diag(1 / PRIOR_SD**2)

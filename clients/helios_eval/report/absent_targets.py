@@ -71,17 +71,19 @@ def table(arms: Sequence[Arm]) -> Table | None:
     for arm in filter(has_any, arms):
         present = [r for r in arm.records if not r.absent]
         absent = [r for r in arm.records if r.absent]
-        rows.add([
-            arm.label,
-            _share([r.success for r in arm.records]),
-            _share([r.success for r in present]),
-            _share([false_not_found(r) for r in present]),
-            str(len(present)),
-            _share([r.success for r in absent]),
-            _share([ended_at_failed_pick(r) for r in absent]),
-            _share([r.cause == WRONG_OBJECT and not ended_at_failed_pick(r) for r in absent]),
-            str(len(absent)),
-        ])  # fmt: skip
+        rows.add(
+            [
+                arm.label,
+                _share([r.success for r in arm.records]),
+                _share([r.success for r in present]),
+                _share([false_not_found(r) for r in present]),
+                str(len(present)),
+                _share([r.success for r in absent]),
+                _share([ended_at_failed_pick(r) for r in absent]),
+                _share([r.cause == WRONG_OBJECT and not ended_at_failed_pick(r) for r in absent]),
+                str(len(absent)),
+            ]
+        )
     if not rows.rows:
         return None
     return rows.table(

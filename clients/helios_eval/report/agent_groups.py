@@ -61,9 +61,7 @@ class Arm:
     @property
     def identity(self) -> Identity:
         """Fields that identify an arm."""
-        return (
-            self.benchmark, self.agent, self.semantics, self.preset, self.noise, self.settings
-        )  # fmt: skip
+        return (self.benchmark, self.agent, self.semantics, self.preset, self.noise, self.settings)
 
     @property
     def is_complete(self) -> bool:
@@ -128,11 +126,15 @@ def arms_of(
         first = group[0]
         arms.append(
             Arm(
-                first.benchmark, first.agent, first.semantics, first.preset, first.noise,
+                first.benchmark,
+                first.agent,
+                first.semantics,
+                first.preset,
+                first.noise,
                 tuple(sorted(first.settings.items())),
                 tuple(sorted(group, key=lambda r: r.seed)),
             )
-        )  # fmt: skip
+        )
     arms.sort(key=_order)
     counts = {identity: len(seeds) for identity, seeds in (asked or {}).items()}
     short = [_label(arm, arms, MOST_NAMED) for arm in arms]
@@ -149,8 +151,15 @@ def arms_of(
 def _order(arm: Arm) -> tuple[object, ...]:
     rank = FIRST.index(arm.agent) if arm.agent in FIRST else len(FIRST)
     rank += arm.agent in LAST
-    return (arm.benchmark != "ovmm", arm.semantics != "noisy", rank, arm.agent, *arm.sort_key(),
-            str(arm.noise), str(arm.settings))  # fmt: skip
+    return (
+        arm.benchmark != "ovmm",
+        arm.semantics != "noisy",
+        rank,
+        arm.agent,
+        *arm.sort_key(),
+        str(arm.noise),
+        str(arm.settings),
+    )
 
 
 def _label(arm: Arm, arms: Sequence[Arm], most: int) -> str:
@@ -175,9 +184,10 @@ def _label(arm: Arm, arms: Sequence[Arm], most: int) -> str:
         )
     mine = [dict(a.settings) for a in same if a.agent == arm.agent]
     own = [
-        f"{_bare(key)}={setting}" for key, setting in arm.settings
+        f"{_bare(key)}={setting}"
+        for key, setting in arm.settings
         if any(other.get(key, _MISSING) != setting for other in mine)
-    ]  # fmt: skip
+    ]
     more = len(own) - most
     parts += own if more < 2 else [*own[:most], f"{more} more settings"]
     return " · ".join(parts)

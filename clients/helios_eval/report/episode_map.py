@@ -121,8 +121,9 @@ def _settle_labels(figure: Figure, axes: Axes) -> None:
         taken.append(moved)
         x_pt, y_pt = label.xyann
         label.xyann = (
-            x_pt + (moved.x0 - box.x0) / px_per_pt, y_pt + (moved.y0 - box.y0) / px_per_pt
-        )  # fmt: skip
+            x_pt + (moved.x0 - box.x0) / px_per_pt,
+            y_pt + (moved.y0 - box.y0) / px_per_pt,
+        )
 
 
 def _frame(axes: Axes, kept: FailureSnapshot, believed: Sequence[MarkedObject]) -> None:

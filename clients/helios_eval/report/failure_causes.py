@@ -95,16 +95,18 @@ def _table_of_collisions(arms: Sequence[Arm]) -> Table:
         bodies = Counter(body for r in arm.records for body in r.collided_with)
         often = ", ".join(f"{name} ({n})" for name, n in bodies.most_common(MOST_BODIES))
         hit = sum(r.collisions > 0 for r in arm.records)
-        rows.add([
-            arm.label,
-            number_format.mean("steps", mean_sem(values(arm.records, "steps"))),
-            number_format.number(sum(r.path_m for r in arm.records) / len(arm.records), 1),
-            number_format.number(sum(r.picks for r in arm.records) / len(arm.records), 2),
-            _wrong_picks(arm),
-            number_format.mean("collisions", mean_sem(values(arm.records, "collisions"))),
-            _count(hit, len(arm.records)),
-            often or number_format.NONE,
-        ])  # fmt: skip
+        rows.add(
+            [
+                arm.label,
+                number_format.mean("steps", mean_sem(values(arm.records, "steps"))),
+                number_format.number(sum(r.path_m for r in arm.records) / len(arm.records), 1),
+                number_format.number(sum(r.picks for r in arm.records) / len(arm.records), 2),
+                _wrong_picks(arm),
+                number_format.mean("collisions", mean_sem(values(arm.records, "collisions"))),
+                _count(hit, len(arm.records)),
+                often or number_format.NONE,
+            ]
+        )
     return rows.table(
         "Steps and collisions",
         ["agent", "steps", "path (m)", "picks tried", "wrong objects picked", "collisions",

@@ -130,9 +130,11 @@ def paired_section(arms: Sequence[Arm]) -> Section:
     found = [(a, b, *in_common(a, b)) for a, b in pairs(arms)]
     found = [p for p in found if p[2]]
     if not found:
-        return Section("differences", "Differences between agents", (
-            Paragraph("There is one agent only, or no two have an episode in common."),
-        ))  # fmt: skip
+        return Section(
+            "differences",
+            "Differences between agents",
+            (Paragraph("There is one agent only, or no two have an episode in common."),),
+        )
     absent = any(absent_targets.has_any(arm) for pair in found for arm in pair[:2])
     note = f" {absent_targets.WHICH_EPISODES}" if absent else ""
     blocks: list[Block] = [

@@ -47,10 +47,15 @@ def relations(arms: Sequence[Arm]) -> Table | None:
             )
             ours = Cell(number_format.number(ratio.value, 2), note, "strong")
         verdict = verdict_of(ratio, r.published) or why_unbounded(x, y)
-        rows.add([f"{r.metric}: {r.claim}",
-                  Cell(number_format.number(r.published, 2), r.where), ours,
-                  Cell(str(len(mine)), missing_homes_text(top, bottom, len(mine))),
-                  verdict])  # fmt: skip
+        rows.add(
+            [
+                f"{r.metric}: {r.claim}",
+                Cell(number_format.number(r.published, 2), r.where),
+                ours,
+                Cell(str(len(mine)), missing_homes_text(top, bottom, len(mine))),
+                verdict,
+            ]
+        )
     if not rows.rows:
         return None
     return rows.table(

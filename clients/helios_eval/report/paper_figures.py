@@ -122,13 +122,19 @@ TABLE_2 = Table(
     "objectnav",
     OBJECTNAV,
     (
-        Row("VLFM without detection filtering", _figures("29.6 50.4", OBJECTNAV),
-            agent="vlfm-unfiltered"),
+        Row(
+            "VLFM without detection filtering",
+            _figures("29.6 50.4", OBJECTNAV),
+            agent="vlfm-unfiltered",
+        ),
         Row("VLFM", _figures("30.4 52.5", OBJECTNAV), agent="vlfm"),
-        Row("VLFM with the stop decision of HELIOS", _figures("28.4 54.0", OBJECTNAV),
-            agent="vlfm-helios-stop"),
+        Row(
+            "VLFM with the stop decision of HELIOS",
+            _figures("28.4 54.0", OBJECTNAV),
+            agent="vlfm-helios-stop",
+        ),
     ),
-)  # fmt: skip
+)
 TABLE_4 = Table(
     4,
     "ground-truth semantics, unlimited picks",
@@ -138,15 +144,21 @@ TABLE_4 = Table(
         Row("MoManipVLA", _figures("23.7 12.7 7.1 - 1.7")),
         Row("MoManipVLA with ground truth", _figures("66.1 62.6 53.1 - 15.8")),
         Row("Trusting agent", TRUSTING[None], agent="trusting"),
-        Row("Trusting agent with ground truth",
+        Row(
+            "Trusting agent with ground truth",
             _figures("57.5±1.4 56.5±1.4 44.7±1.4 20.9±1.2 12.8±1.0"),
-            agent="trusting", semantics="ground-truth"),
+            agent="trusting",
+            semantics="ground-truth",
+        ),
         Row("HELIOS", HELIOS[None], agent="helios-paper"),
-        Row("HELIOS with ground truth",
+        Row(
+            "HELIOS with ground truth",
             _figures("66.3±1.4 58.3±1.4 53.4±1.4 29.8±1.3 21.0±1.2"),
-            agent="helios-paper", semantics="ground-truth"),
+            agent="helios-paper",
+            semantics="ground-truth",
+        ),
     ),
-)  # fmt: skip
+)
 TABLE_5 = Table(
     5,
     "what the information gain assumes of a measurement",
@@ -202,10 +214,16 @@ def _sweep(number: int, picks: int | None) -> Table:
         figures = {k[1]: _figures(v) for k, v in _SWEEPS[picks].items() if k[0] == key}
         figures[DEFAULTS[key]] = HELIOS[picks]
         rows += [
-            Row(f"{name} = {value:g}", figures[value], name, "helios-paper", picks=picks,
-                setting=(key, value))
+            Row(
+                f"{name} = {value:g}",
+                figures[value],
+                name,
+                "helios-paper",
+                picks=picks,
+                setting=(key, value),
+            )
             for value in sorted(figures)
-        ]  # fmt: skip
+        ]
     return Table(number, f"sensitivity, {picks_name(picks)}", "ovmm", OVMM, tuple(rows))
 
 
@@ -234,9 +252,16 @@ _GT = {row.agent: row.figures for row in TABLE_4.rows if row.semantics == "groun
 _NOISY, _TRUE = "noisy", "ground-truth"
 
 
-def _of(metric: str, claim: str, where: str, top: tuple[str, str], bottom: tuple[str, str],
-        top_figures: Mapping[str, Figure], bottom_figures: Mapping[str, Figure],
-        benchmark: str = "ovmm") -> Relation:  # fmt: skip
+def _of(
+    metric: str,
+    claim: str,
+    where: str,
+    top: tuple[str, str],
+    bottom: tuple[str, str],
+    top_figures: Mapping[str, Figure],
+    bottom_figures: Mapping[str, Figure],
+    benchmark: str = "ovmm",
+) -> Relation:
     published = _ratio(metric, top_figures, bottom_figures)
     return Relation(claim, where, benchmark, metric, top, bottom, published)
 

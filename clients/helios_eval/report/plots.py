@@ -93,9 +93,15 @@ def dots(
                 p, colour = row[k], colors.SERIES[y % len(colors.SERIES)].light
                 axes.hlines(y, 100 * p.low, 100 * p.high, color=colour, linewidth=3, alpha=0.5)
                 axes.plot(100 * p.value, y, "o", color=colour, markersize=6.5)
-                axes.annotate(f"{100 * p.value:.1f}", (100 * p.value, y), xytext=(0, 7),
-                              textcoords="offset points", ha="center", fontsize=8.5,
-                              color=colors.MUTED.light)  # fmt: skip
+                axes.annotate(
+                    f"{100 * p.value:.1f}",
+                    (100 * p.value, y),
+                    xytext=(0, 7),
+                    textcoords="offset points",
+                    ha="center",
+                    fontsize=8.5,
+                    color=colors.MUTED.light,
+                )
             axes.set_title(metric, fontsize=12, loc="left", color=colors.INK.light)
             axes.set_xlim(-4, 104)
             axes.set_xticks([0, 50, 100], ["0", "50", "100"])
@@ -147,8 +153,15 @@ def forest(rows: Sequence[tuple[str, str, Interval]]) -> Graphic:
             if d.has_bounds:
                 axes.hlines(y, 100 * d.low, 100 * d.high, color=colour, linewidth=3, alpha=0.5)
                 label += f"  {number_format.bounds(100 * d.low, 100 * d.high, 1, plus=True)}"
-            axes.text(1.015, y, label, va="center", fontsize=9.5, color=colors.MUTED.light,
-                      transform=axes.get_yaxis_transform())  # fmt: skip
+            axes.text(
+                1.015,
+                y,
+                label,
+                va="center",
+                fontsize=9.5,
+                color=colors.MUTED.light,
+                transform=axes.get_yaxis_transform(),
+            )
         axes.axvline(0, color=colors.INK.light, linewidth=1)
         axes.set_yticks(range(len(rows)), labels)
         axes.set_ylim(len(rows) - 0.5, -0.5)
@@ -175,9 +188,16 @@ def causes(agents: Sequence[str], counts: Sequence[Mapping[str, int]]) -> Graphi
             if not widths.any():
                 continue
             colour = colors.of_cause(cause)
-            axes.barh(range(len(agents)), widths, left=left, height=0.66, color=colour.light,
-                      edgecolor=colors.PAPER.light, linewidth=1.2,
-                      label=cause or colors.SUCCESS)  # fmt: skip
+            axes.barh(
+                range(len(agents)),
+                widths,
+                left=left,
+                height=0.66,
+                color=colour.light,
+                edgecolor=colors.PAPER.light,
+                linewidth=1.2,
+                label=cause or colors.SUCCESS,
+            )
             for y, (start, width) in enumerate(zip(left, widths, strict=True)):
                 if width >= 4:
                     axes.text(
@@ -189,7 +209,7 @@ def causes(agents: Sequence[str], counts: Sequence[Mapping[str, int]]) -> Graphi
                         fontsize=9.5,
                         color=_on(colour),
                     )
-            left += widths  # fmt: skip
+            left += widths
         axes.set_yticks(range(len(agents)), agents)
         axes.set_ylim(len(agents) - 0.5, -0.5)
         axes.set_xlim(0, 100)
@@ -229,9 +249,15 @@ def effort(
         for y, (hit, colour) in enumerate(zip(hits, colours, strict=True)):
             right.hlines(y, 100 * hit.low, 100 * hit.high, color=colour, linewidth=3, alpha=0.5)
             right.plot(100 * hit.value, y, "o", color=colour, markersize=7, clip_on=False)
-            right.annotate(f"{100 * hit.value:.1f}", (100 * hit.high, y), xytext=(5, 0),
-                           textcoords="offset points", va="center", fontsize=8.5,
-                           color=colors.MUTED.light)  # fmt: skip
+            right.annotate(
+                f"{100 * hit.value:.1f}",
+                (100 * hit.high, y),
+                xytext=(5, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=8.5,
+                color=colors.MUTED.light,
+            )
         for axes, title in ((left, "steps"), (right, "episodes with a collision (%)")):
             axes.tick_params(length=0)
             axes.set_title(title, fontsize=11, loc="left", color=colors.INK.light)
@@ -262,8 +288,15 @@ def stages(agents: Sequence[str], names: Sequence[str], ms: Sequence[Sequence[fl
             axes.plot(table[i], rows, "o", color=colour, markersize=8, alpha=0.85, label=agent,
                       clip_on=False)  # fmt: skip
         for y, value in enumerate(longest):
-            axes.annotate(f"{value:.1f}", (value, y), xytext=(9, 0), va="center", fontsize=8.5,
-                          textcoords="offset points", color=colors.MUTED.light)  # fmt: skip
+            axes.annotate(
+                f"{value:.1f}",
+                (value, y),
+                xytext=(9, 0),
+                va="center",
+                fontsize=8.5,
+                textcoords="offset points",
+                color=colors.MUTED.light,
+            )
         axes.set_yticks(rows, names)
         axes.set_ylim(len(names) - 0.5, -0.5)
         axes.set_xlim(left=0)

@@ -157,11 +157,19 @@ def _definitions(arms: Sequence[Arm]) -> Section:
     facts += [
         ("± ", "standard error of the mean over the episodes"),
         ("Wilson interval", "95 % score interval of a share"),
-        ("difference, ratio", "of the same homes; percentile bootstrap over episodes, 10,000 "
-         "draws, fixed seed"),
+        (
+            "difference, ratio",
+            "of the same homes; percentile bootstrap over episodes, 10,000 draws, fixed seed",
+        ),
         ("p", "exact: McNemar's test for what is so or not, else the sign test; two-sided"),
-    ]  # fmt: skip
-    return Section("definitions", "What the words mean", (
-        Facts(tuple(facts)),
-        Notice("All metrics are judged by the simulator's truth, never by what the agent says."),
-    ))  # fmt: skip
+    ]
+    return Section(
+        "definitions",
+        "What the words mean",
+        (
+            Facts(tuple(facts)),
+            Notice(
+                "All metrics are judged by the simulator's truth, never by what the agent says."
+            ),
+        ),
+    )

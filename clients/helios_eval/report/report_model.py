@@ -129,8 +129,14 @@ class Rows:
         """Add a row; a plain string becomes a cell without note."""
         self.rows.append(Row(tuple(c if isinstance(c, Cell) else Cell(c) for c in cells), group))
 
-    def table(self, title: str, columns: Sequence[str], caption: str = "", tag: str = "",
-              words: Sequence[str] = ()) -> Table:  # fmt: skip
+    def table(
+        self,
+        title: str,
+        columns: Sequence[str],
+        caption: str = "",
+        tag: str = "",
+        words: Sequence[str] = (),
+    ) -> Table:
         """Table of the rows; the first column and those in `words` hold text, others numbers."""
         heads = tuple(
             Column(name, numeric=i > 0 and name not in words) for i, name in enumerate(columns)

@@ -88,10 +88,12 @@ def section(arms: Sequence[Arm]) -> Section | None:
         )
     if not rows.rows and ideas is None and not alone:
         return None
-    blocks: list[Block] = [Paragraph(
-        "Judged by the truth of this project's simulator, unlimited picks. What was run, and why "
-        "only relations may be held against the paper's, stands below."
-    )]  # fmt: skip
+    blocks: list[Block] = [
+        Paragraph(
+            "Judged by the truth of this project's simulator, unlimited picks. What was run, and "
+            "why only relations may be held against the paper's, stands below."
+        )
+    ]
     if rows.rows:
         table = rows.table(
             "Paired differences",
@@ -121,10 +123,11 @@ def _row(
     d, ratio, k = paired_difference(x, y), paired_ratio(x, y), scale(metric)
     shown = d if d.has_bounds or not METRICS[metric].binary else score_difference(x, y)
     published = [
-        r.published for r in paper_figures.RELATIONS
+        r.published
+        for r in paper_figures.RELATIONS
         if (r.metric, r.top, r.bottom) == (metric, question.first, question.second)
         and has_conditions_of_the_paper(top)
-    ]  # fmt: skip
+    ]
     of = missing_homes_text(top, bottom, len(mine))
     rows.add([
         Cell(metric, "", "strong"), number(x.mean() * k, 1), number(y.mean() * k, 1),
@@ -198,15 +201,19 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
                 settled[tone].append(metric)
         of = missing_homes_text(arm, base, len(mine))
         rows.add([arm.label, *cells, Cell(str(len(mine)), of), _settled_words(settled, bool(of))])
-    return rows.table(
-        "Ideas beyond the paper, against the paper's method",
-        ["idea − helios-paper", *IDEA_METRICS, "n", "so"],
-        "Difference of the means over the same homes, percent points or the metric's unit, with "
-        "the 95 % interval of a paired bootstrap; of collisions and steps less is better. Not "
-        f"corrected for the number of ideas: of twenty without effect one would look settled in "
-        f"any one metric. {number_format.RULE}",
-        words=["so"],
-    ) if rows.rows else None  # fmt: skip
+    return (
+        rows.table(
+            "Ideas beyond the paper, against the paper's method",
+            ["idea − helios-paper", *IDEA_METRICS, "n", "so"],
+            "Difference of the means over the same homes, percent points or the metric's unit, "
+            "with the 95 % interval of a paired bootstrap; of collisions and steps less is better. "
+            "Not corrected for the number of ideas: of twenty without effect one would look "
+            f"settled in any one metric. {number_format.RULE}",
+            words=["so"],
+        )
+        if rows.rows
+        else None
+    )
 
 
 def _settled_words(settled: Mapping[str, Sequence[str]], is_partial: bool) -> str:

@@ -154,8 +154,9 @@ def _progress(
         )
         n = len(asked[identity])
         rows.add([name, TITLES[benchmark], str(n - absent), str(n)])
-    return rows.table("Not complete", ["agent", "benchmark", "played", "asked for"],
-                      words=["benchmark"])  # fmt: skip
+    return rows.table(
+        "Not complete", ["agent", "benchmark", "played", "asked for"], words=["benchmark"]
+    )
 
 
 def _versions(arms: Sequence[Arm]) -> str:
@@ -272,11 +273,14 @@ def _absent(records: Sequence[EpisodeRecord], arms: Sequence[Arm]) -> list[tuple
     if not shares:
         return []
     drawn = sum(r.absent for r in records)
-    return [(
-        "absent targets",
-        f"{drawn} of {plural(len(records), 'episode')} (--absent {', '.join(dict.fromkeys(shares))}"
-        "); agents with absent targets are not held against the paper",
-    )]  # fmt: skip
+    return [
+        (
+            "absent targets",
+            f"{drawn} of {plural(len(records), 'episode')} "
+            f"(--absent {', '.join(dict.fromkeys(shares))}); "
+            "agents with absent targets are not held against the paper",
+        )
+    ]
 
 
 def _settings(arms: Sequence[Arm]) -> str:

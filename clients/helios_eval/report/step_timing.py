@@ -56,24 +56,36 @@ def _table(arms: Sequence[Arm], names: Sequence[str], medians: Sequence[Sequence
     """Table with agents as columns and stages as rows."""
     rows = Rows()
     steps = [np.array([r.step_ms for r in a.records]) for a in arms]
-    rows.add([
-        Cell("whole step", "90 % of the episodes below", "strong"),
-        *(Cell(number(float(np.median(s)), 1), number(float(np.quantile(s, 0.9)), 1),
-               "strong") for s in steps),
-    ])  # fmt: skip
+    rows.add(
+        [
+            Cell("whole step", "90 % of the episodes below", "strong"),
+            *(
+                Cell(
+                    number(float(np.median(s)), 1), number(float(np.quantile(s, 0.9)), 1), "strong"
+                )
+                for s in steps
+            ),
+        ]
+    )
     for i, name in enumerate(names):
         rows.add([name, *(number(row[i], 1) for row in medians)])
     walls = [sum(r.wall_s for r in a.records) for a in arms]
-    rows.add([
-        Cell("whole episode (s)", "sum"),
-        *(Cell(number(w / len(a.records), 1), duration(w))
-          for a, w in zip(arms, walls, strict=True)),
-    ])  # fmt: skip
+    rows.add(
+        [
+            Cell("whole episode (s)", "sum"),
+            *(
+                Cell(number(w / len(a.records), 1), duration(w))
+                for a, w in zip(arms, walls, strict=True)
+            ),
+        ]
+    )
     if any(r.cpu_s for a in arms for r in a.records):
-        rows.add([
-            Cell("episodes per hour and core", "from their CPU time"),
-            *(number(episodes_per_hour(a.records), 1) for a in arms),
-        ])  # fmt: skip
+        rows.add(
+            [
+                Cell("episodes per hour and core", "from their CPU time"),
+                *(number(episodes_per_hour(a.records), 1) for a in arms),
+            ]
+        )
     return rows.table(
         "Time by stage",
         ["ms a step", *(a.label for a in arms)],

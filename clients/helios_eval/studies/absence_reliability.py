@@ -103,18 +103,21 @@ def markdown(bins: Sequence[Bin], found: Sequence[Claims], records: int) -> str:
     """Both tables."""
     lines = [
         f"# Estimates of absence, {records} homes\n",
-        "| probability given | mean | present, absent | absent, weighted |", "|---|--:|--:|--:|",
+        "| probability given | mean | present, absent | absent, weighted |",
+        "|---|--:|--:|--:|",
         *(
             f"| {b.low:.1f} to {b.high:.1f} | {b.mean:.2f} | {b.present}, {b.absent} | "
             f"{100 * b.absent_share:.0f} % |"
             for b in bins
         ),
-        "", "| ends from | present: called absent | absent: called absent |", "|---|--:|--:|",
+        "",
+        "| ends from | present: called absent | absent: called absent |",
+        "|---|--:|--:|",
         *(
             f"| {c.threshold:g} | {share(c.present, ' %')} | {share(c.absent, ' %')} |"
             for c in found
         ),
-    ]  # fmt: skip
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -124,10 +127,20 @@ def chart(bins: Sequence[Bin], found: Sequence[Claims], file: Path) -> None:
     left.plot([0, 1], [0, 1], color="#7b8494", lw=1.2, ls=(0, (4, 3)))
     left.plot([b.mean for b in bins], [b.absent_share for b in bins], "o-", color=CLAIM)
     for b in bins:
-        left.annotate(f"{b.present}, {b.absent}", (b.mean, b.absent_share), xytext=(6, -11),
-                      textcoords="offset points", fontsize=8, color=INK)  # fmt: skip
-    left.set(xlim=(0, 1), ylim=(-0.02, 1.02), xlabel="probability that the agent gave",
-             ylabel="share of absent objects")  # fmt: skip
+        left.annotate(
+            f"{b.present}, {b.absent}",
+            (b.mean, b.absent_share),
+            xytext=(6, -11),
+            textcoords="offset points",
+            fontsize=8,
+            color=INK,
+        )
+    left.set(
+        xlim=(0, 1),
+        ylim=(-0.02, 1.02),
+        xlabel="probability that the agent gave",
+        ylabel="share of absent objects",
+    )
     left.set_title("Is it right? (present, absent)", loc="left", fontsize=11)
     x = [c.threshold for c in found]
     for name, color, of in (
@@ -135,8 +148,9 @@ def chart(bins: Sequence[Bin], found: Sequence[Claims], file: Path) -> None:
         ("present objects, called absent", "#D55E00", [c.present for c in found]),
     ):
         right.plot(x, [100 * i.value for i in of], "o-", color=color, label=name)
-        right.fill_between(x, [100 * i.low for i in of], [100 * i.high for i in of],
-                           color=color, alpha=0.15)  # fmt: skip
+        right.fill_between(
+            x, [100 * i.low for i in of], [100 * i.high for i in of], color=color, alpha=0.15
+        )
     right.set(ylim=(0, 100), xlabel="threshold that ends the search", ylabel="% of homes")
     right.legend(frameon=False, fontsize=9)
     for axes in (left, right):
@@ -149,9 +163,10 @@ def chart(bins: Sequence[Bin], found: Sequence[Claims], file: Path) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.absence_reliability", description=__doc__,
+        prog="python -m helios_eval.studies.absence_reliability",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("folder", type=Path, nargs="+", help="folders of `helios eval ovmm`")
     parser.add_argument("--prior", type=float, default=PRIOR, help="share of absent objects")
     parser.add_argument("--out", type=Path, required=True)

@@ -95,10 +95,17 @@ def rate_of(
     if not ages_ms.size:
         raise Unavailable("no frame of the stream was answered; look at the detector's log")
     return Rate(
-        len(sent_s), len(ages_ms), float(np.median(ages_ms)), float(np.percentile(ages_ms, 95)),
-        float(ages_ms.max()), int((ages_ms > limit_ms).sum()), len(keyframes),
-        sum(observed[n] == 1 for n in keyframes), cores, os.getloadavg()[0],
-    )  # fmt: skip
+        len(sent_s),
+        len(ages_ms),
+        float(np.median(ages_ms)),
+        float(np.percentile(ages_ms, 95)),
+        float(ages_ms.max()),
+        int((ages_ms > limit_ms).sum()),
+        len(keyframes),
+        sum(observed[n] == 1 for n in keyframes),
+        cores,
+        os.getloadavg()[0],
+    )
 
 
 def middles_of(
@@ -116,11 +123,12 @@ def middles_of(
             continue
         in_view += 1
         own = [
-            d for d in seen.detections
+            d
+            for d in seen.detections
             if d.class_name == name
             and d.box_xyxy[0] - NEAR_BOX_PX <= u <= d.box_xyxy[2] + NEAR_BOX_PX
             and d.box_xyxy[1] - NEAR_BOX_PX <= v <= d.box_xyxy[3] + NEAR_BOX_PX
-        ]  # fmt: skip
+        ]
         if not own:
             continue
         found += 1
@@ -265,9 +273,13 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--name", default="mug", help="what is looked for")
     parser.add_argument("--threshold", type=float, default=0.25, help="of the detector")
     parser.add_argument(
-        "--at", type=_point, action="append", default=[], metavar="X,Y,Z",
+        "--at",
+        type=_point,
+        action="append",
+        default=[],
+        metavar="X,Y,Z",
         help="true centre of such a thing, world, metres; may be repeated",
-    )  # fmt: skip
+    )
     parser.add_argument("--near-m", type=float, default=0.07, help="a mask's middle counts within")
     parser.add_argument("--share", type=float, default=0.9, help="of the masks that must")
     parser.add_argument("--hz", type=float, default=30.0)

@@ -53,9 +53,13 @@ _METHODS: tuple[tuple[type, tuple[str, ...], str], ...] = (
     (WorldThread, ("state",), MESSAGES),
 )
 _SERVICES = {
-    "helios_detector": DETECTOR, "helios_objectmap": OBJECT_MAP, "helios_map2d": MAPS_2D,
-    "helios_planner": PLANNER, "helios_bridge": MESSAGES, "helios_core": MESSAGES,
-}  # fmt: skip
+    "helios_detector": DETECTOR,
+    "helios_objectmap": OBJECT_MAP,
+    "helios_map2d": MAPS_2D,
+    "helios_planner": PLANNER,
+    "helios_bridge": MESSAGES,
+    "helios_core": MESSAGES,
+}
 
 
 def measure(spec: EpisodeSpec) -> NDArray[np.float64]:

@@ -67,13 +67,16 @@ class Row:
 
     def as_json(self) -> dict[str, Any]:
         return {
-            "gain_norm": self.norm, "decisions": self.decisions, "both": self.both,
-            "receptacle_wins": self.receptacle, "frontier_wins": self.both - self.receptacle,
+            "gain_norm": self.norm,
+            "decisions": self.decisions,
+            "both": self.both,
+            "receptacle_wins": self.receptacle,
+            "frontier_wins": self.both - self.receptacle,
             "other_winner_than_played": self.differs,
             "changed_by_alpha_d": {str(a): n for a, n in (self.changed or {}).items()},
             "changed_by_alpha_d_of_both": {str(a): n for a, n in (self.changed_both or {}).items()},
             "frontier_scale": [round(value, 4) for value in self.scales],
-        }  # fmt: skip
+        }
 
 
 def rows_of(decisions: Sequence[Decision], played: GainNorm) -> list[Row]:
@@ -164,12 +167,13 @@ def play(spec: EpisodeSpec) -> dict[str, Any]:
         instruction = thread.run(lambda world: world.episode.instruction)
         task = stack.run(instruction, spec.max_steps, LONGEST_S)
     return {
-        "key": spec.key, "seed": spec.seed, "instruction": instruction,
-        "ended": "picked an object" if picked.is_set() else task.cause, "steps": task.steps,
-        "decisions": [
-            MessageToDict(d) for d in decisions if d.rule == DecisionRule.BY_OBJECTIVE
-        ],
-    }  # fmt: skip
+        "key": spec.key,
+        "seed": spec.seed,
+        "instruction": instruction,
+        "ended": "picked an object" if picked.is_set() else task.cause,
+        "steps": task.steps,
+        "decisions": [MessageToDict(d) for d in decisions if d.rule == DecisionRule.BY_OBJECTIVE],
+    }
 
 
 def run(specs: Sequence[EpisodeSpec], played: GainNorm, folder: Path) -> str:
@@ -190,10 +194,12 @@ def run(specs: Sequence[EpisodeSpec], played: GainNorm, folder: Path) -> str:
     decisions = [d for s in specs for d in decisions_of(episodes[s.key])]
     rows = rows_of(decisions, played)
     out = {
-        "played_with": played, "homes": [s.seed for s in specs],
+        "played_with": played,
+        "homes": [s.seed for s in specs],
         "settings": {name: str(value) for name, value in specs[0].settings.items()},
-        "agent": specs[0].agent, "rows": [row.as_json() for row in rows],
-    }  # fmt: skip
+        "agent": specs[0].agent,
+        "rows": [row.as_json() for row in rows],
+    }
     write_file(folder / "study.json", json.dumps(out, indent=1) + "\n")
     return table(rows, played)
 
@@ -207,25 +213,38 @@ def specs_of(given: argparse.Namespace) -> list[EpisodeSpec]:
     """Episodes that the flags name. Raises InvalidInput or UsageError."""
     played = homes(given.seed0, given.episodes)
     under = parse_condition(
-        [given.agent], "ovmm", semantics=given.semantics, preset=given.preset, table=None,
-        level=1.0, correlation=None, sensor="none", scorer=None,
+        [given.agent],
+        "ovmm",
+        semantics=given.semantics,
+        preset=given.preset,
+        table=None,
+        level=1.0,
+        correlation=None,
+        sensor="none",
+        scorer=None,
         assignments=[*given.assignments, f"gain_norm={given.gain_norm}"],
         max_steps=given.max_steps,
-    )  # fmt: skip
+    )
     return [
         EpisodeSpec(
-            under.benchmark, under.agents[0], under.semantics, under.preset, seed, under.noise,
+            under.benchmark,
+            under.agents[0],
+            under.semantics,
+            under.preset,
+            seed,
+            under.noise,
             under.settings,
         )
         for seed in played
-    ]  # fmt: skip
+    ]
 
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.distance_weight", description=__doc__,
+        prog="python -m helios_eval.studies.distance_weight",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("--agent", default="helios-paper", help="an agent that uses eq. 10")
     parser.add_argument("--episodes", type=int, default=12, help="number of homes")
     parser.add_argument("--seed0", type=int, default=400, help="first home; below 1000")
@@ -233,9 +252,13 @@ def _arguments() -> argparse.ArgumentParser:
         "--gain-norm", choices=get_args(GainNorm), default="sum", help="gain_norm that is played"
     )
     parser.add_argument(
-        "--set", dest="assignments", action="append", default=[], metavar="NAME=VALUE",
+        "--set",
+        dest="assignments",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
         help="service setting, such as alpha_d=0.01; may be repeated",
-    )  # fmt: skip
+    )
     parser.add_argument("--semantics", default="noisy", help="detections: noisy or ground-truth")
     parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")
     parser.add_argument("--max-steps", type=int, help="actions per episode  [default: 1250]")

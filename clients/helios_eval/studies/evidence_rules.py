@@ -93,18 +93,22 @@ def arm_of(text: str) -> Arm:
         Role.GOAL_RECEPTACLE: planner.od_b,
     }
     return Arm(
-        text, of_map.model_copy(update={"stride_px": 1}), thresholds, planner.cs_g,
+        text,
+        of_map.model_copy(update={"stride_px": 1}),
+        thresholds,
+        planner.cs_g,
         RULES[agent](planner.tau_g, True).by_place,
-    )  # fmt: skip
+    )
 
 
 def pick(arm: Arm, walked: Walk, known: Sequence[ObjectInstance]) -> bool | None:
     """True if the arm would pick an object that the task means; None if it knows no candidate."""
     starts = [o for o in known if plain(o.class_name) == plain(walked.start)]
     things = [
-        o for o in known
+        o
+        for o in known
         if plain(o.class_name) == plain(walked.object) and o.class_score >= arm.least
-    ]  # fmt: skip
+    ]
     if not things:
         return None
     if arm.by_place:
@@ -168,13 +172,17 @@ def table(rows: Mapping[str, Mapping[str, float | None]]) -> str:
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.evidence_rules", description=__doc__,
+        prog="python -m helios_eval.studies.evidence_rules",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--arm", dest="arms", action="append", metavar="AGENT SETTING=VALUE …",
+        "--arm",
+        dest="arms",
+        action="append",
+        metavar="AGENT SETTING=VALUE …",
         help="may be repeated  [default: helios-paper, helios]",
-    )  # fmt: skip
+    )
     parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")
     parser.add_argument("--seed0", type=int, default=100, help="first home")
     parser.add_argument("--homes", type=int, default=40)

@@ -112,7 +112,9 @@ def cost(robots: int, ready_s: float, rest: Span, work: Span, published_kb_per_s
 
     rest_s, work_s = rest[1].at_s - rest[0].at_s, work[1].at_s - work[0].at_s
     return Cost(
-        robots=robots, ready_s=ready_s, load=os.getloadavg()[0],
+        robots=robots,
+        ready_s=ready_s,
+        load=os.getloadavg()[0],
         steps_per_s=steps / work_s / robots,
         services_ms_per_step=1e3 * used_s(work, "services") / steps,
         world_ms_per_step=1e3 * used_s(work, WORLD) / steps,
@@ -121,9 +123,10 @@ def cost(robots: int, ready_s: float, rest: Span, work: Span, published_kb_per_s
         published_kb_per_step=published_kb_per_step,
         idle_services_cores=used_s(rest, "services") / rest_s / robots,
         idle_shared_cores=used_s(rest, *SHARED) / rest_s,
-        services_pss_mb=held_mb("services") / robots, world_pss_mb=held_mb(WORLD) / robots,
+        services_pss_mb=held_mb("services") / robots,
+        world_pss_mb=held_mb(WORLD) / robots,
         shared_pss_mb=held_mb(*SHARED),
-    )  # fmt: skip
+    )
 
 
 def kind_of(row: str) -> str:
@@ -256,26 +259,34 @@ def read(path: Path) -> list[Cost]:
 def report(costs: Sequence[Cost]) -> str:
     """Markdown: the measured cost by number of robots, and the calculation beyond, from the largest
     fleet without congestion."""
-    out = ["| per robot | " + " | ".join(f"{c.robots} robots" for c in costs) + " |",
-           "|---|" + "--:|" * len(costs)]  # fmt: skip
+    out = [
+        "| per robot | " + " | ".join(f"{c.robots} robots" for c in costs) + " |",
+        "|---|" + "--:|" * len(costs),
+    ]
     for words, name in ROWS.items():
         out.append(f"| {words} | " + " | ".join(f"{getattr(c, name):.3g}" for c in costs) + " |")
     pace = max(c.steps_per_s for c in costs)
     cores, memory_mb = os.cpu_count() or 1, psutil.virtual_memory().total / 1e6
     basis = [c for c in costs if c.steps_per_s >= KEPT * pace][-1]
     ends = limits(basis, costs[0], pace, cores, memory_mb)
-    out += ["", f"Calculated for {pace:.2f} steps per second and robot, {cores} cores and "
-            f"{memory_mb / 1e3:.0f} GB, from the column of {basis.robots} robots:", "",
-            "| resource | ends at, robots |", "|---|--:|"]  # fmt: skip
+    out += [
+        "",
+        f"Calculated for {pace:.2f} steps per second and robot, {cores} cores and "
+        f"{memory_mb / 1e3:.0f} GB, from the column of {basis.robots} robots:",
+        "",
+        "| resource | ends at, robots |",
+        "|---|--:|",
+    ]
     out += [f"| {what} | {count:.1f} |" for what, count in sorted(ends.items(), key=lambda e: e[1])]
     return "\n".join(out)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.fleet", description=__doc__,
+        prog="python -m helios_eval.studies.fleet",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("--robots", default="1,2,4", help="numbers of robots; default 1,2,4")
     parser.add_argument("--seconds", type=float, default=60.0, help="time of work; default 60")
     where = parser.add_mutually_exclusive_group(required=True)
@@ -292,8 +303,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         if numbers[0] < 1 or args.seconds <= 0:
             raise ValueError
     except ValueError:
-        parser.error(f"--robots {args.robots} --seconds {args.seconds}: wanted numbers from 1, and "
-                     "seconds above 0")  # fmt: skip
+        parser.error(
+            f"--robots {args.robots} --seconds {args.seconds}: wanted numbers from 1, and "
+            "seconds above 0"
+        )
     costs: list[Cost] = []
     try:
         if sys.platform != "linux":

@@ -39,9 +39,13 @@ CAMERA = Pinhole(fx=381.4, fy=381.4, cx=319.5, cy=239.5, width=640, height=480)
 EYE_M, TOP_M, GAZE_M, GAZE_POINTS = 1.3, 0.75, 0.6, 10
 FIRST_SEEN_M = (1.2, 2.0, 3.0, 4.5, 6.5)
 TABLE_M, SPECK_M, SPECK_FROM_M = (0.8, 1.2), (0.12, 0.12), 5.0
-CONTEXT = SearchContext("gain", (
-    SearchClass("table", Role.START_RECEPTACLE, 0.3), SearchClass("mug", Role.OBJECT, 0.3),
-))  # fmt: skip
+CONTEXT = SearchContext(
+    "gain",
+    (
+        SearchClass("table", Role.START_RECEPTACLE, 0.3),
+        SearchClass("mug", Role.OBJECT, 0.3),
+    ),
+)
 
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]  # low, high
 ROOM: tuple[Box, ...] = (((-20, -20, -0.1), (20, 20, 0)), ((8, -20, 0), (8.1, 20, 3)))
@@ -111,9 +115,7 @@ def _seen(boxes: Sequence[Box], T_world_cam: NDArray[np.float64]) -> Observation
     box = int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1
     depth_m = np.where(np.isfinite(depth), depth, 0).astype(np.float32)
     color = np.full((*depth.shape, 3), 128, np.uint8)
-    frame = Frame(
-        FrameId("study", 0, 0), 0, True, color, depth_m, CAMERA, T_world_cam, np.eye(4)
-    )  # fmt: skip
+    frame = Frame(FrameId("study", 0, 0), 0, True, color, depth_m, CAMERA, T_world_cam, np.eye(4))
     return Observation(frame, CONTEXT.id, (Detection("table", 0.9, box, mask),), {}, "truth")
 
 
@@ -137,13 +139,16 @@ def table(views: Sequence[FirstView]) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.gain_norms", description=__doc__,
+        prog="python -m helios_eval.studies.gain_norms",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--expected-label", choices=("one-hot", "rendered"), default="one-hot",
+        "--expected-label",
+        choices=("one-hot", "rendered"),
+        default="one-hot",
         help="setting of the object map",
-    )  # fmt: skip
+    )
     given = parser.parse_args(arguments)
     print(table(first_views(ObjectMapSettings(expected_label=given.expected_label))))
     return 0

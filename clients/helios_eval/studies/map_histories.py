@@ -141,9 +141,10 @@ def record(
     with running_stack(spec, colored=False) as (thread, stack):
         bus, episode = stack.bus(), thread.run(lambda world: world.episode)
         roles = {
-            episode.goal_receptacle_class: "goal", episode.start_receptacle_class: "start",
+            episode.goal_receptacle_class: "goal",
+            episode.start_receptacle_class: "start",
             episode.object_class: "object",
-        }  # fmt: skip
+        }
 
         def note(kind: bytes, message: Message) -> None:
             parts.append(packed(kind, message.SerializeToString()))
@@ -161,10 +162,15 @@ def record(
             if seen % TRUTH_EVERY == 0:
                 states = thread.run(lambda world: world.object_states())
                 things = [
-                    [s.name, s.class_name, [float(v) for v in s.center_m],
-                     [float(v) for v in s.size_m], float(s.yaw_rad)]
+                    [
+                        s.name,
+                        s.class_name,
+                        [float(v) for v in s.center_m],
+                        [float(v) for v in s.size_m],
+                        float(s.yaw_rad),
+                    ]
                     for s in states
-                ]  # fmt: skip
+                ]
                 text = json.dumps({"things": things, "roles": roles})
                 parts.append(packed(b"T", text.encode()))
 
@@ -295,9 +301,10 @@ def _each(work: Callable[[T], R], items: Sequence[T], jobs: int) -> Iterator[R]:
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.map_histories", description=__doc__,
+        prog="python -m helios_eval.studies.map_histories",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     recording = commands.add_parser("record", help="play episodes and write their histories")
     recording.add_argument("--seeds", type=seeds, required=True, help="3 or 200-209")
@@ -308,9 +315,10 @@ def _arguments() -> argparse.ArgumentParser:
     replaying = commands.add_parser("replay", help="give histories to a new object map")
     replaying.add_argument("folder", type=Path)
     replaying.add_argument(
-        "--set", action="append",
+        "--set",
+        action="append",
         help='settings of the object map, as "core_from=0.3 named_from=0.2"; may be repeated',
-    )  # fmt: skip
+    )
     for command in (recording, replaying):
         command.add_argument("--agent", default=DEFAULT_AGENT)
         command.add_argument("--jobs", type=int, default=2)

@@ -93,9 +93,11 @@ class Tour:
             T_world_cam[:3, 3] += beside
             T_world_base[:3, 3] += beside
             yield replace(
-                frame, id=FrameId("scale", 0, self._seq), T_world_cam=T_world_cam,
+                frame,
+                id=FrameId("scale", 0, self._seq),
+                T_world_cam=T_world_cam,
                 T_world_base=T_world_base,
-            )  # fmt: skip
+            )
 
 
 def ground(areas_m2_asked: Sequence[float]) -> Iterator[Scale]:
@@ -118,9 +120,14 @@ def ground(areas_m2_asked: Sequence[float]) -> Iterator[Scale]:
         _, load_s = _timed(partial(decode_map, data, rules, 0.2, 1))
         layers = _layer_bytes(state)
         yield Scale(
-            "ground", round(areas_m2(state.published)[0], 1), statistics.median(ms), layers / 1e6,
-            save_s, load_s, len(data) / 1e6,
-        )  # fmt: skip
+            "ground",
+            round(areas_m2(state.published)[0], 1),
+            statistics.median(ms),
+            layers / 1e6,
+            save_s,
+            load_s,
+            len(data) / 1e6,
+        )
 
 
 def _step(state: EpochMap, frame: Frame) -> None:
@@ -147,9 +154,14 @@ def objects(sizes: Sequence[int]) -> Iterator[Scale]:
         _, load_s = _timed(partial(persistence.read, data, large.empty_viewpoints()))
         held = sum(a.nbytes for a in large.content().store.arrays().values())
         yield Scale(
-            "objects", len(large), statistics.median(ms[1:]), held / 1e6, save_s, load_s,
+            "objects",
+            len(large),
+            statistics.median(ms[1:]),
+            held / 1e6,
+            save_s,
+            load_s,
             len(data) / 1e6,
-        )  # fmt: skip
+        )
 
 
 def _saved(objects: ObjectMap) -> bytes:
@@ -185,9 +197,14 @@ def table(rows: Sequence[Scale]) -> Table:
     for r in rows:
         unit = "m²" if r.part == "ground" else "Gaussians"
         out.add_row(
-            r.part, f"{r.size:,.0f} {unit}", f"{r.step_ms:.2f}", f"{r.memory_mb:.1f}",
-            f"{r.save_s:.2f}", f"{r.load_s:.2f}", f"{r.file_mb:.1f}",
-        )  # fmt: skip
+            r.part,
+            f"{r.size:,.0f} {unit}",
+            f"{r.step_ms:.2f}",
+            f"{r.memory_mb:.1f}",
+            f"{r.save_s:.2f}",
+            f"{r.load_s:.2f}",
+            f"{r.file_mb:.1f}",
+        )
     return out
 
 
@@ -217,9 +234,10 @@ def draw(rows: Sequence[Scale], path: Path) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.map_scale", description=__doc__,
+        prog="python -m helios_eval.studies.map_scale",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder for the figures")
     parser.add_argument("--areas", type=float, nargs="*", default=AREAS_M2, help="m²")
     parser.add_argument("--gaussians", type=int, nargs="*", default=GAUSSIANS)

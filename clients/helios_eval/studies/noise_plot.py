@@ -52,10 +52,12 @@ def alike(table: ViewNoiseTable) -> np.ndarray:
 
     first = [draws(sector, 1) for sector in range(SECTORS)]
     later = [draws(sector, 2) for sector in range(SECTORS)]
-    return np.array([
-        np.mean([np.corrcoef(first[s], later[(s + k) % SECTORS])[0, 1] for s in range(SECTORS)])
-        for k in range(SECTORS)
-    ])  # fmt: skip
+    return np.array(
+        [
+            np.mean([np.corrcoef(first[s], later[(s + k) % SECTORS])[0, 1] for s in range(SECTORS)])
+            for k in range(SECTORS)
+        ]
+    )
 
 
 def draw(table: ViewNoiseTable, path: Path) -> None:
@@ -120,9 +122,14 @@ def _scores(table: ViewNoiseTable, axes) -> None:
     for kind, color in COLORS.items():
         scores = [table.score(kind, x, 1000) for x in u]
         axes.hist(
-            scores, np.linspace(0, 1, 51), histtype="stepfilled", alpha=0.35, color=color,
-            label=f"{kind}: {np.mean(np.array(scores) >= 0.25):.0%} above 0.25", density=True,
-        )  # fmt: skip
+            scores,
+            np.linspace(0, 1, 51),
+            histtype="stepfilled",
+            alpha=0.35,
+            color=color,
+            label=f"{kind}: {np.mean(np.array(scores) >= 0.25):.0%} above 0.25",
+            density=True,
+        )
     for name, threshold in THRESHOLDS.items():
         axes.axvline(threshold, color="k", lw=1, ls=":")
         axes.text(threshold + 0.005, 3.95, name, rotation=90, va="top", fontsize=9)
@@ -152,8 +159,10 @@ def _by_angle(table: ViewNoiseTable, axes) -> None:
     axes.set(
         title=f"draws of two frames: thing {s.thing:g}, side {s.side:g}, view {s.view:g}, "
         f"frame {s.frame:g}",
-        xlabel="angle between the views (degrees)", ylabel="correlation", ylim=(0, 1),
-    )  # fmt: skip
+        xlabel="angle between the views (degrees)",
+        ylabel="correlation",
+        ylim=(0, 1),
+    )
     axes.grid(alpha=0.3)
 
 

@@ -65,11 +65,14 @@ def constant(table: ViewNoiseTable, shift_deg: float, near_far_m: tuple[float, f
     sector = rng.integers(0, 12, OBJECTS) * SECTOR_DEG + shift_deg
     pair = [
         drawn(
-            table, side_and_view(table), sector + rng.uniform(0, SECTOR_DEG, OBJECTS),
-            rng.uniform(*near_far_m, OBJECTS), 1,
+            table,
+            side_and_view(table),
+            sector + rng.uniform(0, SECTOR_DEG, OBJECTS),
+            rng.uniform(*near_far_m, OBJECTS),
+            1,
         )
         for _ in range(2)
-    ]  # fmt: skip
+    ]
     return _correlation(*pair)
 
 
@@ -100,9 +103,14 @@ def show(tables: list[ViewNoiseTable], console: Console) -> None:
     console.print(angles)
     near, far = NEAR_FAR_M
     sectors = Table(
-        "constant in a sector", f"at {DISTANCE_M:g} m", "shifted", f"{near:g} to {far:g} m",
-        "shifted", "boundary", "middle",
-    )  # fmt: skip
+        "constant in a sector",
+        f"at {DISTANCE_M:g} m",
+        "shifted",
+        f"{near:g} to {far:g} m",
+        "shifted",
+        "boundary",
+        "middle",
+    )
     for table in tables:
         values = [
             constant(table, shift, range_m)

@@ -100,9 +100,11 @@ def scaled_table(table: str, factors: Factors) -> str:
         raise InvalidInput(f"the noise table {table!r} has no [scale]; name one like ovmm-v1")
     scale, f = loaded.file.scale, factors
     rows = {
-        "confuse": scale.confuse * f.names, "second": scale.second * f.names,
-        "false": scale.false * f.false, "miss": scale.miss * f.miss,
-    }  # fmt: skip
+        "confuse": scale.confuse * f.names,
+        "second": scale.second * f.names,
+        "false": scale.false * f.false,
+        "miss": scale.miss * f.miss,
+    }
     lines = [f"{name} = {value:.6g}" for name, value in rows.items()]
     base = os.path.abspath(table) if Path(table).is_file() else table
     return "\n".join([f"base = {json.dumps(base)}", "[scale]", *lines, ""])
@@ -144,9 +146,14 @@ def show(found: Sequence[Kept], wanted: Mapping[str, float], console: Console) -
     table = Table("factors", "metric", "ground truth", "noisy", "kept", "95 %", "wanted")
     for k in found:
         table.add_row(
-            k.factors, k.metric, f"{k.truth:.3f}", f"{k.noisy:.3f}", f"{k.ratio:.3f}",
-            f"{k.low:.2f}-{k.high:.2f}", f"{wanted[k.metric]:.3f}",
-        )  # fmt: skip
+            k.factors,
+            k.metric,
+            f"{k.truth:.3f}",
+            f"{k.noisy:.3f}",
+            f"{k.ratio:.3f}",
+            f"{k.low:.2f}-{k.high:.2f}",
+            f"{wanted[k.metric]:.3f}",
+        )
     console.print(table)
 
 

@@ -45,9 +45,10 @@ EPISODES = "episodes"
 
 def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.object_map_growth", description=__doc__,
+        prog="python -m helios_eval.studies.object_map_growth",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder for figures and pictures")
     parser.add_argument("--only", default=",".join(PARTS), help=f"some of these, or {EPISODES}")
     parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")

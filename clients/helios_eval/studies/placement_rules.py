@@ -98,8 +98,10 @@ def trials(kind: str, seed0: int, per_home: int) -> Iterator[Trial]:
     for seed in homes(seed0, max(1, FIRST_SEED - seed0)):
         home, rng = home_of(kind, seed), np.random.default_rng([seed, 0x91ACE])
         free, origin_m = reachable(home, 0.4)
-        room_m = cv2.distanceTransform(home.free_space(0.0, 0.05)[0].astype(np.uint8),
-                                       cv2.DIST_L2, 5) * 0.05  # fmt: skip
+        room_m = (
+            cv2.distanceTransform(home.free_space(0.0, 0.05)[0].astype(np.uint8), cv2.DIST_L2, 5)
+            * 0.05
+        )
         found = 0
         for k in rng.permutation(len(home.receptacles)):
             item = home.receptacles[int(k)]
@@ -198,13 +200,16 @@ def _how(tries: Sequence[PlaceTried]) -> str:
 
 def report(outcomes: Sequence[Outcome]) -> str:
     """Markdown table of both rules and their difference, over the trials that both have done."""
-    by_rule = {rule: {(o.seed, o.receptacle): o for o in outcomes if o.rule == rule}
-               for rule in RULES}  # fmt: skip
+    by_rule = {
+        rule: {(o.seed, o.receptacle): o for o in outcomes if o.rule == rule} for rule in RULES
+    }
     both = [key for key in by_rule[RULES[0]] if key in by_rule[RULES[1]]]
     if not both:
         raise InvalidInput("no placement was done by both rules; run more of them")
-    lines = ["| rule | placed | 95 % | rolled off | fell beside | refused | not reached | n |",
-             "|---|---|---|---|---|---|---|---|"]  # fmt: skip
+    lines = [
+        "| rule | placed | 95 % | rolled off | fell beside | refused | not reached | n |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
     won: dict[str, NDArray[np.float64]] = {}
     for rule in RULES:
         done = [by_rule[rule][key] for key in both]
@@ -214,12 +219,16 @@ def report(outcomes: Sequence[Outcome]) -> str:
         lost = " | ".join(
             str(count[how]) for how in ("rolled off", "fell beside", "refused", "not reached")
         )
-        lines.append(f"| {rule} | {100 * share.value:.1f} % | {100 * share.low:.1f} to "
-                     f"{100 * share.high:.1f} | {lost} | {len(done)} |")  # fmt: skip
+        lines.append(
+            f"| {rule} | {100 * share.value:.1f} % | {100 * share.low:.1f} to "
+            f"{100 * share.high:.1f} | {lost} | {len(done)} |"
+        )
     gain = paired_difference(won["flat"], won["paper"])
-    lines.append(f"\nflat - paper: {100 * gain.value:+.1f} points, 95 % interval "
-                 f"{100 * gain.low:+.1f} to {100 * gain.high:+.1f} (paired bootstrap); sign test "
-                 f"p = {sign_test(won['flat'], won['paper']):.2g}")  # fmt: skip
+    lines.append(
+        f"\nflat - paper: {100 * gain.value:+.1f} points, 95 % interval "
+        f"{100 * gain.low:+.1f} to {100 * gain.high:+.1f} (paired bootstrap); sign test "
+        f"p = {sign_test(won['flat'], won['paper']):.2g}"
+    )
     return "\n".join(lines) + "\n"
 
 

@@ -125,30 +125,45 @@ def context_of(classes: str, thresholds: str, receptacles: str) -> SearchContext
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.real_frames", description=__doc__,
+        prog="python -m helios_eval.studies.real_frames",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("dataset", type=Path, help="folder of posed RGB-D images")
     parser.add_argument("--detector", required=True, help="onnx:FILE, transformers:ID, …")
     parser.add_argument("--classes", required=True, help="names with commas between them")
     parser.add_argument("--thresholds", default="", help='"cup=0.25,microwave=0.45"')
     parser.add_argument("--receptacles", default="", help="which of the classes are receptacles")
     parser.add_argument(
-        "--place", type=place, action="append", default=[], metavar="NAME=CLASS@X,Y,Z",
+        "--place",
+        type=place,
+        action="append",
+        default=[],
+        metavar="NAME=CLASS@X,Y,Z",
         help="where a thing is, or is said to be, world, metres; may be repeated",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--with", dest="arms", action="append", default=[], metavar="SETTING=VALUE …",
+        "--with",
+        dest="arms",
+        action="append",
+        default=[],
+        metavar="SETTING=VALUE …",
         help="settings of the object map for one more map; may be repeated",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--agent", dest="agents", choices=AGENT_NAMES, action="append", default=[],
+        "--agent",
+        dest="agents",
+        choices=AGENT_NAMES,
+        action="append",
+        default=[],
         help="agent whose settings one more map has; may be repeated",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--also", choices=("nothing", "household"), default="nothing",
+        "--also",
+        choices=("nothing", "household"),
+        default="nothing",
         help="names that the detector is asked for beside --classes",
-    )  # fmt: skip
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder for figures and pictures")
     return parser
 

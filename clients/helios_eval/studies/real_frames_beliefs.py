@@ -68,9 +68,15 @@ def frames_of(data: Dataset) -> Iterator[Frame]:
         color, depth_m = read_image(data, index)
         number = int(image.color_path.stem)
         yield Frame(
-            FrameId("dataset", 0, number), image.stamp_ns, True, color, depth_m, data.camera,
-            image.T_world_cam, np.eye(4),
-        )  # fmt: skip
+            FrameId("dataset", 0, number),
+            image.stamp_ns,
+            True,
+            color,
+            depth_m,
+            data.camera,
+            image.T_world_cam,
+            np.eye(4),
+        )
 
 
 def belief_progress(

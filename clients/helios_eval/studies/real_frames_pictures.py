@@ -101,9 +101,13 @@ def draw_beliefs(found: dict[str, EpisodeProgress], named: Sequence[str], path: 
     for (arm, course), axis in zip(found.items(), axes[:, 0], strict=True):
         for curve in belief_curves(course, things):
             axis.plot(
-                curve.frames, curve.values, color=colors[curve.thing], label=curve.label,
-                ls=STYLES[min(curve.rival, len(STYLES) - 1)], lw=1.2 if curve.rival else 1.6,
-            )  # fmt: skip
+                curve.frames,
+                curve.values,
+                color=colors[curve.thing],
+                label=curve.label,
+                ls=STYLES[min(curve.rival, len(STYLES) - 1)],
+                lw=1.2 if curve.rival else 1.6,
+            )
         axis.axhline(BELIEVED, color=GREY, lw=0.8, ls="--")
         axis.text(
             1.005, BELIEVED, "τ", color=GREY, va="center", transform=axis.get_yaxis_transform()

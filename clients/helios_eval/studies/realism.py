@@ -86,9 +86,10 @@ def judge_homes(
                         for t in view.things
                         if t.class_name in right
                         and t.pixels >= LEAST_PX
-                        and t.open_box >= LEAST_OPEN_BOX and t.open_pixels >= LEAST_OPEN_PIXELS
+                        and t.open_box >= LEAST_OPEN_BOX
+                        and t.open_pixels >= LEAST_OPEN_PIXELS
                         and (t.model is not None) == (looks == REALISTIC)
-                    )  # fmt: skip
+                    )
                     keep(Judged(view, looks, found, sights))
             finally:
                 eye.close()
@@ -142,18 +143,24 @@ def _measure(given: argparse.Namespace) -> None:
     text = table(rows, right)
     write_file(given.out / "realism.md", text)
     figures = {
-        "detector": detector.name, "preset": given.preset, "seeds": list(given.seeds),
-        "threshold": given.threshold, "views": dict(views), "of_nothing": dict(of_nothing),
+        "detector": detector.name,
+        "preset": given.preset,
+        "seeds": list(given.seeds),
+        "threshold": given.threshold,
+        "views": dict(views),
+        "of_nothing": dict(of_nothing),
         "rows": [{"class": c, "looks": k} | asdict(row) for (c, k), row in sorted(rows.items())],
-    }  # fmt: skip
+    }
     write_file(given.out / "realism.json", json.dumps(figures, indent=1) + "\n")
     if given.write_classes is not None:
         first, last = given.seeds[0], given.seeds[-1]
         about = {
-            "detector": detector.name, "sha256": real_detector(given.detector).sha256,
-            "preset": given.preset, "seeds": f"{first}-{last}",
+            "detector": detector.name,
+            "sha256": real_detector(given.detector).sha256,
+            "preset": given.preset,
+            "seeds": f"{first}-{last}",
             "threshold": f"{given.threshold:g}",
-        }  # fmt: skip
+        }
         catalog = CATALOGS[PRESETS[given.preset].catalog]
         write_classes(given.write_classes, rows, right, catalog, about)
     chart(rows, detector.name, given.out / "realism-classes.png")
@@ -183,9 +190,10 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True, help="folder for tables and pictures")
     parser.add_argument(
-        "--write-classes", type=Path,
+        "--write-classes",
+        type=Path,
         help="TOML file to write: classes in the upper half, for helios eval ovmm --task-classes",
-    )  # fmt: skip
+    )
     return parser
 
 

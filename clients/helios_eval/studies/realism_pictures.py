@@ -94,10 +94,12 @@ def chart(rows: Mapping[tuple[str, str], Row], detector: str, path: Path) -> Non
                     value + 0.01, y, f"{value:.0%} of {rows[name, looks].seen}", va="center", size=7
                 )
     axes.set(
-        yticks=np.arange(len(names)), yticklabels=names, xlim=(0, 1.15),
+        yticks=np.arange(len(names)),
+        yticklabels=names,
+        xlim=(0, 1.15),
         xlabel="recognised, of the views that show it whole",
         title=f"What {detector} recognises in simulated homes",
-    )  # fmt: skip
+    )
     axes.legend(loc="lower right")
     with replacing(path) as temporary:
         figure.savefig(temporary)

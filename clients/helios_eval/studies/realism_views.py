@@ -112,9 +112,15 @@ class ObserverCamera:
         color, depth_m = self._painter.color_and_depth(self._data, MAX_DEPTH_M)
         self._number += 1
         frame = Frame(
-            FrameId("realism", self.home.seed, self._number), self._number, True, color, depth_m,
-            self._pinhole, camera_pose(self._data, self._camera), np.eye(4),
-        )  # fmt: skip
+            FrameId("realism", self.home.seed, self._number),
+            self._number,
+            True,
+            color,
+            depth_m,
+            self._pinhole,
+            camera_pose(self._data, self._camera),
+            np.eye(4),
+        )
         bodies = self._painter.body_ids(self._data)
         return View(frame, self._seen(bodies, frame.T_world_cam), bodies)
 

@@ -63,16 +63,15 @@ def table_text(
         if not any(kind == looks for _, kind in rows):
             continue
         rates = rates_of(rows, looks)
-        good = [
-            n for n in upper_half(rates) if n not in AMBIGUOUS and has_own_name(n, right[n])
-        ]  # fmt: skip
+        good = [n for n in upper_half(rates) if n not in AMBIGUOUS and has_own_name(n, right[n])]
         lines += ["", f"[{looks}]", f"least_rate = {statistics.median(rates.values()):.3f}"]
         for key, known in (("objects", catalog.objects), ("receptacles", catalog.receptacles)):
             lines.append(f"[{looks}.{key}]")
             lines += [
                 f'"{n}" = "{word_for(n, right[n])}"  # {rates[n]:.0%} recognised'
-                for n in good if n in known
-            ]  # fmt: skip
+                for n in good
+                if n in known
+            ]
     return "\n".join(lines) + "\n"
 
 

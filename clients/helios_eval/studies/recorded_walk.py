@@ -58,9 +58,14 @@ def walk(
     if not seen:
         raise UsageError(f"the walk of seed {seed} showed nothing in {max_steps} steps")
     return Walk(
-        seed, task.object_class, task.start_receptacle_class, task.goal_receptacle_class,
-        things, tuple(t for t in things if t.name in names), tuple(seen),
-    )  # fmt: skip
+        seed,
+        task.object_class,
+        task.start_receptacle_class,
+        task.goal_receptacle_class,
+        things,
+        tuple(t for t in things if t.name in names),
+        tuple(seen),
+    )
 
 
 def believed(

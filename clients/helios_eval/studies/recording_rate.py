@@ -100,8 +100,10 @@ def measure(given: argparse.Namespace) -> Recorded:
         len(camera.keyframes),
         sum(n in numbers[KEYFRAMES] for n in camera.keyframes),
         counted,
-        round(mb, 1), round(cores, 2), messages,
-    )  # fmt: skip
+        round(mb, 1),
+        round(cores, 2),
+        messages,
+    )
 
 
 def _counted(said: Sequence[pb.ServiceStatus]) -> dict[str, float]:

@@ -92,14 +92,22 @@ def play(robot: RobotDriver, seed: int, sensor: str, faults: str) -> Run:
 
     began = time.process_time()
     findings = check_driver(
-        FaultyRobot(robot, Faults.of(faults)), True,
-        lambda result: reasons.append(result.reason), note,
-    )  # fmt: skip
+        FaultyRobot(robot, Faults.of(faults)),
+        True,
+        lambda result: reasons.append(result.reason),
+        note,
+    )
     return Run(
-        seed, sensor, faults, time.process_time() - began, " ".join(reasons),
-        {f.name: f.verdict for f in findings}, {f.name: f.value for f in findings},
-        {f.name: f.error for f in findings}, sorted(early),
-    )  # fmt: skip
+        seed,
+        sensor,
+        faults,
+        time.process_time() - began,
+        " ".join(reasons),
+        {f.name: f.verdict for f in findings},
+        {f.name: f.value for f in findings},
+        {f.name: f.error for f in findings},
+        sorted(early),
+    )
 
 
 def play_home(
@@ -181,9 +189,10 @@ def read(path: Path) -> list[Run]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.robot_setup", description=__doc__,
+        prog="python -m helios_eval.studies.robot_setup",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("--healthy", type=int, default=200, help="homes, each with a healthy run")
     parser.add_argument("--faulty", type=int, default=20, help="homes with every kind of fault")
     parser.add_argument("--seed0", type=int, default=0, help="first home")

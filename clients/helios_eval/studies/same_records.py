@@ -56,9 +56,10 @@ def compare(published: Iterable[EpisodeRecord], again: Iterable[EpisodeRecord]) 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.same_records", description=__doc__,
+        prog="python -m helios_eval.studies.same_records",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("published", type=Path, help="folder of published results")
     parser.add_argument("again", type=Path, help="folder of the same episodes, played again")
     given = parser.parse_args(arguments)

@@ -70,10 +70,16 @@ def ratio_of(
     low, high = np.quantile(drawn[1] / np.maximum(drawn[0], 1e-9), [0.025, 0.975])
     spl_random, spl_vlfm = pairs.mean(1)
     return Ratio(
-        spread, pairs.shape[1], float(spl_random), float(spl_vlfm),
-        float(np.mean([r.success for r in random])), float(np.mean([r.success for r in vlfm])),
-        float(spl_vlfm / max(spl_random, 1e-9)), float(low), float(high),
-    )  # fmt: skip
+        spread,
+        pairs.shape[1],
+        float(spl_random),
+        float(spl_vlfm),
+        float(np.mean([r.success for r in random])),
+        float(np.mean([r.success for r in vlfm])),
+        float(spl_vlfm / max(spl_random, 1e-9)),
+        float(low),
+        float(high),
+    )
 
 
 def table_with_spread(text: str, spread: float) -> str:
@@ -126,10 +132,15 @@ def show(found: Sequence[Ratio], console: Console) -> None:
     )
     for r in found:
         table.add_row(
-            r.spread, str(r.homes), f"{r.random_spl:.3f}", f"{r.vlfm_spl:.3f}",
-            f"{r.random_success:.3f}", f"{r.vlfm_success:.3f}", f"{r.ratio:.2f}",
+            r.spread,
+            str(r.homes),
+            f"{r.random_spl:.3f}",
+            f"{r.vlfm_spl:.3f}",
+            f"{r.random_success:.3f}",
+            f"{r.vlfm_success:.3f}",
+            f"{r.ratio:.2f}",
             f"{r.low:.2f}-{r.high:.2f}",
-        )  # fmt: skip
+        )
     console.print(table)
 
 

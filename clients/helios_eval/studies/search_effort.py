@@ -48,11 +48,14 @@ def steps_of(arm: Arm) -> Values:
     """Steps [n] to FindObj where the object is there; without FindObj the budget of the run, so
     that no agent gains by giving up."""
     present = [r for r in arm.records if not r.absent]
-    return np.array([
-        (r.find_object and r.find_object_steps)
-        or r.settings.get(MAX_STEPS, default_steps(r.preset, r.benchmark))
-        for r in present
-    ], float)  # fmt: skip
+    return np.array(
+        [
+            (r.find_object and r.find_object_steps)
+            or r.settings.get(MAX_STEPS, default_steps(r.preset, r.benchmark))
+            for r in present
+        ],
+        float,
+    )
 
 
 def spl_of(arm: Arm) -> Values:
@@ -89,13 +92,19 @@ def rows(arms: Sequence[Arm], against: str = AGAINST) -> list[tuple[str, ...]]:
         w = wilson(sum(r.find_object for r in present), len(present))
         steps = np.array([r.find_object_steps for r in present if r.find_object_steps], float)
         spent = mean_sem(steps) if len(steps) else Mean(math.nan, math.nan, 0)
-        out.append((
-            arm.label, str(len(present)),
-            share(w),
-            f"{number(spent.mean, 0)} ± {number(spent.sem, 0)}",
-            number(float(steps_of(arm).mean()), 0), by_steps,
-            f"{100 * spl.mean:.1f} ± {100 * spl.sem:.1f}", by_spl, by_success,
-        ))  # fmt: skip
+        out.append(
+            (
+                arm.label,
+                str(len(present)),
+                share(w),
+                f"{number(spent.mean, 0)} ± {number(spent.sem, 0)}",
+                number(float(steps_of(arm).mean()), 0),
+                by_steps,
+                f"{100 * spl.mean:.1f} ± {100 * spl.sem:.1f}",
+                by_spl,
+                by_success,
+            )
+        )
     return out
 
 
@@ -128,9 +137,10 @@ def _told(d: Interval, scale: float, digits: int) -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.search_effort", description=__doc__,
+        prog="python -m helios_eval.studies.search_effort",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("folder", type=Path, help="folder of `helios eval ovmm`")
     parser.add_argument("--against", default=AGAINST, help="agent of the differences")
     given = parser.parse_args(argv)

@@ -30,8 +30,10 @@ from helios_eval.studies.development_homes import seeds
 from helios_eval.studies.map_histories import Event, Truth, events_of, packed
 
 _KINDS: dict[type[Message], bytes] = {
-    pb.SearchContext: b"C", pb.Observation: b"O", pb.RobotState: b"S",
-}  # fmt: skip
+    pb.SearchContext: b"C",
+    pb.Observation: b"O",
+    pb.RobotState: b"S",
+}
 
 
 def thinned(observation: Observation, step: int) -> Observation:
@@ -90,9 +92,10 @@ def written(events: Iterable[Event]) -> bytes:
 
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.small_histories", description=__doc__,
+        prog="python -m helios_eval.studies.small_histories",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("histories", type=Path, nargs="+")
     parser.add_argument("--out", type=Path, required=True, help="folder for the copies")
     parser.add_argument("--step", type=int, default=8, help="pixels from one to the next")

@@ -107,9 +107,12 @@ def _running(variant: Variant, folder: Path) -> Iterator[subprocess.Popen[bytes]
     ]  # fmt: skip
     with (folder / "up.log").open("wb") as log:
         process = subprocess.Popen(
-            argv, stdout=log, stderr=subprocess.STDOUT, cwd=variant.checkout,
+            argv,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            cwd=variant.checkout,
             env=variant.environment(),
-        )  # fmt: skip
+        )
     try:
         yield process
     finally:
@@ -164,8 +167,9 @@ def tables(starts: Sequence[Start]) -> str:
         lines.append(
             f"| {name} | {_median(s.ready_s for s in of_name):.1f} | "
             f"{_median(s.cpu_s for s in of_name):.1f} | "
-            + " | ".join(f"{n:.0f}" for n in numbers) + " |"
-        )  # fmt: skip
+            + " | ".join(f"{n:.0f}" for n in numbers)
+            + " |"
+        )
     for name in names:
         last = [s for s in starts if s.variant == name][-1]
         lines += [
@@ -188,9 +192,10 @@ def _median(values: Iterator[float]) -> float:
 
 def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.startup", description=__doc__,
+        prog="python -m helios_eval.studies.startup",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("--starts", type=int, default=3, help="counted starts of each; default 3")
     parser.add_argument("--against", type=Path, help="another checkout of HELIOS, for comparison")
     parser.add_argument("--json", type=Path, help="file for all figures")

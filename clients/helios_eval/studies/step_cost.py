@@ -51,9 +51,10 @@ def table(
 
 def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.step_cost", description=__doc__,
+        prog="python -m helios_eval.studies.step_cost",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("--agents", default="helios", help="some agents, such as helios,trusting")
     parser.add_argument("--seeds", type=seeds, default=(200,), help="homes, such as 200,201")
     parser.add_argument("--steps", type=int, default=150, help="most steps of each episode")

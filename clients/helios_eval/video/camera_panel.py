@@ -17,8 +17,9 @@ def camera_picture(scene: Scene, width: int, height: int) -> Picture:
     out = np.full((height, width, 3), INK, np.uint8)
     if scene.color is None:
         sheet = Sheet(out)
-        sheet.text(width / 2, height / 2, "no picture yet", width - 20, 13, (170, 178, 190),
-                   align="m")  # fmt: skip
+        sheet.text(
+            width / 2, height / 2, "no picture yet", width - 20, 13, (170, 178, 190), align="m"
+        )
         return sheet.pixels
     rows, columns = scene.color.shape[:2]
     scale = min(width / columns, height / rows)

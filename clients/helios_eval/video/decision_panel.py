@@ -51,8 +51,15 @@ def _block(
 ) -> float:
     """Draw one decision from `top` downwards; return its lower end."""
     sheet.text(width, top + 10, f"#{decision.index + 1}", 80, 12, MUTED, align="r")
-    sheet.text(0, top + 10, _sentence(decision.rule), width - 90, 15 if newest else 13,
-               INK if newest else MUTED, bold=True)  # fmt: skip
+    sheet.text(
+        0,
+        top + 10,
+        _sentence(decision.rule),
+        width - 90,
+        15 if newest else 13,
+        INK if newest else MUTED,
+        bold=True,
+    )
     y = top + 25
     y += sheet.paragraph(0, y, _sentence(decision.why), width, 3, 12, INK if newest else MUTED)
     settings = " · ".join(f"{k} {v:.3g}" for k, v in sorted(decision.settings.items()))
@@ -101,8 +108,15 @@ def _table(sheet: Sheet, top: float, width: int, most: int, decision: pb.Decisio
     y = top + ROW_PX / 2
     sheet.text(MARK_PX, y, "candidate", left - MARK_PX, 11, MUTED)
     for k, name in enumerate(columns):
-        sheet.text(left + (k + 1) * COLUMN_PX - 4, y, TERMS.get(name, name), COLUMN_PX - 6, 11,
-                   MUTED, align="r")  # fmt: skip
+        sheet.text(
+            left + (k + 1) * COLUMN_PX - 4,
+            y,
+            TERMS.get(name, name),
+            COLUMN_PX - 6,
+            11,
+            MUTED,
+            align="r",
+        )
     sheet.rule(0, top + ROW_PX - 1, width)
     for c in rows:
         y += ROW_PX
@@ -130,9 +144,16 @@ def _row(
         if term in c.terms:
             best = term == deciding
             text = cut(number(c.terms[term]), COLUMN_PX - 6, 12)
-            sheet.text(left + (k + 1) * COLUMN_PX - 4, y, text, COLUMN_PX - 6, 12,
-                       INK if best or c.chosen else MUTED, bold=best and c.chosen,
-                       align="r")  # fmt: skip
+            sheet.text(
+                left + (k + 1) * COLUMN_PX - 4,
+                y,
+                text,
+                COLUMN_PX - 6,
+                12,
+                INK if best or c.chosen else MUTED,
+                bold=best and c.chosen,
+                align="r",
+            )
 
 
 def number(value: float) -> str:

@@ -45,7 +45,7 @@ def clean(text: str) -> str:
         " " if unicodedata.category(c)[0] in "ZC" else c
         for c in text[: 4 * MOST_LETTERS]
         if unicodedata.category(c) != "Mn"  # combining marks, which can pile up on one letter
-    )  # fmt: skip
+    )
     return " ".join("".join(kept).split())[:MOST_LETTERS]
 
 
@@ -100,30 +100,51 @@ class Sheet:
         return np.array(self.image)
 
     def text(
-        self, x: float, y: float, text: str, most_px: float, size: int = 14, color: Rgb = INK,
-        bold: bool = False, align: str = "l",
-    ) -> float:  # fmt: skip
+        self,
+        x: float,
+        y: float,
+        text: str,
+        most_px: float,
+        size: int = 14,
+        color: Rgb = INK,
+        bold: bool = False,
+        align: str = "l",
+    ) -> float:
         """Draw a line centred at height y, aligned l, m or r of x; return its width."""
         shown = cut(text, most_px, size, bold)
         self._draw.text((x, y), shown, fill=color, font=font(size, bold), anchor=align + "m")
         return width_of(shown, size, bold)
 
     def paragraph(
-        self, x: float, y: float, text: str, most_px: float, lines: int, size: int = 13,
+        self,
+        x: float,
+        y: float,
+        text: str,
+        most_px: float,
+        lines: int,
+        size: int = 13,
         color: Rgb = INK,
-    ) -> float:  # fmt: skip
+    ) -> float:
         """Draw lines from y downwards; return their total height."""
         shown = wrapped(text, most_px, size, lines)
         step = size * 1.4
         for k, line in enumerate(shown):
-            self._draw.text((x, y + (k + 0.5) * step), line, fill=color, font=font(size),
-                            anchor="lm")  # fmt: skip
+            self._draw.text(
+                (x, y + (k + 0.5) * step), line, fill=color, font=font(size), anchor="lm"
+            )
         return len(shown) * step
 
     def box(
-        self, x0: float, y0: float, x1: float, y1: float, fill: Rgb | None = WHITE,
-        line: Rgb | None = None, radius: int = 8, width: int = 1,
-    ) -> None:  # fmt: skip
+        self,
+        x0: float,
+        y0: float,
+        x1: float,
+        y1: float,
+        fill: Rgb | None = WHITE,
+        line: Rgb | None = None,
+        radius: int = 8,
+        width: int = 1,
+    ) -> None:
         self._draw.rounded_rectangle((x0, y0, x1, y1), radius, fill, line, width)
 
     def rule(self, x0: float, y: float, x1: float, color: Rgb = LINE) -> None:

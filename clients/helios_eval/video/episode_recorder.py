@@ -54,15 +54,21 @@ def film(
         found = thread.run(lambda w: verdict(spec.benchmark, w, said, spec.max_steps))
         verdict_line = "the truth: success" if found.success else f"the truth: {found.cause}"
         end = replace(
-            watcher.now(), task=task, step=world.progress.steps, verdict=verdict_line,
+            watcher.now(),
+            task=task,
+            step=world.progress.steps,
+            verdict=verdict_line,
             right=found.success,
-        )  # fmt: skip
+        )
         watcher.close()
         video.write(frame_picture(end), max(1, round(LAST_S * fps)))
         return verdict_line
 
 
 def _title(spec: EpisodeSpec) -> str:
-    seen = {"noisy": "noisy detector", "ground-truth": "ground-truth detector",
-            "detector": "real detector"}[spec.semantics]  # fmt: skip
+    seen = {
+        "noisy": "noisy detector",
+        "ground-truth": "ground-truth detector",
+        "detector": "real detector",
+    }[spec.semantics]
     return f"{spec.agent} · home {spec.seed} of {spec.preset} · {seen}"

@@ -138,8 +138,15 @@ def _panel(
 def _camera(sheet: Sheet, scene: Scene) -> None:
     count = len(scene.detections)
     note = "nothing detected" if not count else f"{count} detection{'s' * (count > 1)}"
-    x, y, w, h = _panel(sheet, CAMERA_X, TOP, CAMERA_W, _camera_height(scene), "Camera",
-                        note if scene.color is not None else "")  # fmt: skip
+    x, y, w, h = _panel(
+        sheet,
+        CAMERA_X,
+        TOP,
+        CAMERA_W,
+        _camera_height(scene),
+        "Camera",
+        note if scene.color is not None else "",
+    )
     sheet.paste(camera_picture(scene, w - PAD, h - PAD // 2), x + PAD // 2, y)
 
 

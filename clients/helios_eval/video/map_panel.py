@@ -146,8 +146,9 @@ def _ground(view: MapView, window: Window, layer: str) -> Picture:
     inside = ((row >= 0) & (row < view.shape[0]))[:, None] & (
         (column >= 0) & (column < view.shape[1])
     )
-    whole = cells[np.clip(row, 0, view.shape[0] - 1)[:, None],
-                  np.clip(column, 0, view.shape[1] - 1)]  # fmt: skip
+    whole = cells[
+        np.clip(row, 0, view.shape[0] - 1)[:, None], np.clip(column, 0, view.shape[1] - 1)
+    ]
     whole[~inside] = UNKNOWN_RGB
     small = cv2.resize(whole, (window.width, window.height), interpolation=cv2.INTER_AREA)
     return np.ascontiguousarray(small.round().astype(np.uint8))
@@ -183,9 +184,13 @@ def _labels(sheet: Sheet, window: Window, shown: list[ObjectInstance], scene: Sc
         wide, high = pill_size(text, LABEL_PX, bold=True)
         (u, v), *_ = window.at(thing.center_m[None, :2])
         for x, y in (
-            (u - wide / 2, v - high), (u - wide / 2, v + high), (u + 9, v), (u - wide - 9, v),
-            (u - wide / 2, v - 2.1 * high), (u - wide / 2, v + 2.1 * high),
-        ):  # fmt: skip
+            (u - wide / 2, v - high),
+            (u - wide / 2, v + high),
+            (u + 9, v),
+            (u - wide - 9, v),
+            (u - wide / 2, v - 2.1 * high),
+            (u - wide / 2, v + 2.1 * high),
+        ):
             x = min(max(x, 3.0), window.width - wide - 3)
             y = min(max(y, high / 2 + 3), window.height - high / 2 - 3)
             box = (x - 2, y - high / 2 - 1, x + wide + 2, y + high / 2 + 1)

@@ -18,9 +18,11 @@ def counted(console: Console, what: str, most: int) -> Iterator[Callable[[int], 
         yield _lines(console, what, most)
         return
     columns = (
-        TextColumn("{task.description}"), BarColumn(),
-        TextColumn("step {task.completed} of at most {task.total}"), TimeElapsedColumn(),
-    )  # fmt: skip
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("step {task.completed} of at most {task.total}"),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=console, transient=True) as progress:
         bar = progress.add_task(what, total=most)
         yield lambda step: progress.update(bar, completed=step)

@@ -7,38 +7,25 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from helios_eval.command_options import (
+    Absent,
+    Assignments,
+    Correlation,
+    Detector,
+    Homes,
+    Level,
+    NoiseLevel,
+    PickRule,
+    Scorer,
+    Semantics,
+    Sensor,
+    Steps,
+    Table,
+    TaskClasses,
+)
+
 if TYPE_CHECKING:
     from helios_eval.episodes.episode_spec import EpisodeSpec
-
-Scorer = Annotated[
-    str | None,
-    typer.Option(
-        help="image-text scorer of the value maps  [default: simulated:itc-v1; with a real "
-        "detector lexical]"
-    ),
-]
-PickRule = Annotated[
-    str,
-    typer.Option(help="physical: a pick takes what lies at the point; ovmm: only the sought class"),
-]
-Absent = Annotated[
-    float, typer.Option(help="share of homes that lack the asked object", min=0, max=1)
-]
-Correlation = Annotated[float | None, typer.Option(help="1: errors persist, 0: drawn per frame")]
-Semantics = Annotated[str, typer.Option(help="detections: noisy, ground-truth or detector")]
-Detector = Annotated[
-    str | None, typer.Option(help="real detector of --semantics detector: onnx:FILE")
-]
-Homes = Annotated[
-    Path | None, typer.Option(help="plan of a home (.sh3d), or a folder of plans, of --seed")
-]
-Level = Annotated[str, typer.Option(help="level of the plans  [default: that with most rooms]")]
-TaskClasses = Annotated[
-    str | None, typer.Option(help="classes that the task may ask for: see helios eval ovmm")
-]
-Assignments = Annotated[
-    list[str] | None, typer.Option("--set", help="service setting, such as a=1")
-]
 
 
 def video(
@@ -51,20 +38,14 @@ def video(
     semantics: Semantics = "noisy",
     benchmark: Annotated[str, typer.Option(help="ovmm or objectnav")] = "ovmm",
     fps: Annotated[float, typer.Option(help="frames per second", min=1, max=60)] = 8.0,
-    noise_table: Annotated[
-        str | None, typer.Option("--noise", help="noise table  [default: the preset's]")
-    ] = None,
-    noise_level: Annotated[float, typer.Option(help="noise multiplier", min=0, max=10)] = 1.0,
+    noise: Table = None,
+    noise_level: NoiseLevel = 1.0,
     noise_correlation: Correlation = None,
-    sensor: Annotated[
-        str, typer.Option(help="noise of camera and pose: none or realistic")
-    ] = "none",
+    sensor: Sensor = "none",
     scorer: Scorer = None,
     pick_rule: PickRule = "physical",
     assignments: Assignments = None,
-    max_steps: Annotated[
-        int | None, typer.Option(help="maximum actions of the episode", min=1)
-    ] = None,
+    max_steps: Steps = None,
     absent: Absent = 0.0,
     detector: Detector = None,
     task_classes: TaskClasses = None,
@@ -81,7 +62,7 @@ def video(
     from helios_eval.provenance import commit
 
     under = parse_condition(
-        [agent], benchmark, semantics=semantics, preset=preset, table=noise_table,
+        [agent], benchmark, semantics=semantics, preset=preset, table=noise,
         level=noise_level, correlation=noise_correlation, sensor=sensor,
         assignments=assignments or [], max_steps=max_steps, scorer=scorer, pick_rule=pick_rule,
         absent=absent, detector=detector, task_classes=task_classes,
@@ -92,9 +73,15 @@ def video(
         raise UsageError(f"{agent} has no maps to film; choose another agent")
     path = _checked_file(out or Path("runs/video") / f"{agent}-{seed}.mp4")
     asked = EpisodeSpec(
-        under.benchmark, agent, under.semantics, under.preset, seed, under.noise,
-        differing_settings(agent, under.settings), under.inputs,
-    )  # fmt: skip
+        under.benchmark,
+        agent,
+        under.semantics,
+        under.preset,
+        seed,
+        under.noise,
+        differing_settings(agent, under.settings),
+        under.inputs,
+    )
     ledger.enter([asked], path, commit(), "video")
     _film(asked, path, fps)
 

@@ -142,8 +142,9 @@ class _ModelBaker:
         starts = np.cumsum([0, *(len(p.vertices) for p in parts)])
         faces = np.concatenate([p.faces + s for p, s in zip(parts, starts, strict=False)])
         # Simplification may move the outermost points inwards.
-        shift = np.array([*(vertices.min(axis=0) + vertices.max(axis=0))[:2] / 2,
-                          vertices[:, 2].min()])  # fmt: skip
+        shift = np.array(
+            [*(vertices.min(axis=0) + vertices.max(axis=0))[:2] / 2, vertices[:, 2].min()]
+        )
         vertices = vertices - shift
         parts = [replace(p, vertices=p.vertices - shift) for p in parts]
         if len(faces) > _MOST_TRIANGLES * grade.triangles:

@@ -190,10 +190,15 @@ def _closing_blocks(outline: Outline, grid: Grid, indoor: Mask) -> list[WallBloc
                 middle = (start + end) / 2
                 blocks.append(
                     WallBlock(
-                        a[0] + ux * middle, a[1] + uy * middle, math.atan2(uy, ux),
-                        end - start + _CLOSING_THICK_M, _CLOSING_THICK_M, 0.0, 2.5,
+                        a[0] + ux * middle,
+                        a[1] + uy * middle,
+                        math.atan2(uy, ux),
+                        end - start + _CLOSING_THICK_M,
+                        _CLOSING_THICK_M,
+                        0.0,
+                        2.5,
                     )
-                )  # fmt: skip
+                )
     return blocks
 
 

@@ -70,9 +70,11 @@ def _thing(row: Any, where: str) -> Thing:
         raise InvalidInput(f'{where}: wanted either on = "dining table" or at_m = [x, y]')
     if at is None:
         return Thing(row["class"], on)
-    numbers = isinstance(at, list) and len(at) == 2 and all(
-        isinstance(v, int | float) and abs(v) <= _FARTHEST_M for v in at
-    )  # fmt: skip
+    numbers = (
+        isinstance(at, list)
+        and len(at) == 2
+        and all(isinstance(v, int | float) and abs(v) <= _FARTHEST_M for v in at)
+    )
     if not numbers:
         raise InvalidInput(f"{where}: at_m is {at!r}; wanted two numbers, [x, y] in metres")
     return Thing(row["class"], at_m=(float(at[0]), float(at[1])))
@@ -141,9 +143,15 @@ def _at(
         )
     height, host = max(found, key=lambda pair: pair[0])
     return SceneObject(
-        f"thing_{number}", class_name, host.name, (x, y, height + shape.size_m[2] / 2 + _DROP_M),
-        host.yaw_rad, shape.size_m, shape.color, shape,
-    )  # fmt: skip
+        f"thing_{number}",
+        class_name,
+        host.name,
+        (x, y, height + shape.size_m[2] / 2 + _DROP_M),
+        host.yaw_rad,
+        shape.size_m,
+        shape.color,
+        shape,
+    )
 
 
 def _covers(surface: Surface, x: float, y: float) -> bool:

@@ -93,9 +93,15 @@ def own_shape(archive: PlanArchive, piece: Piece, class_name: str) -> Shape:
 
 def _entry(piece: Piece) -> Entry:
     return Entry(
-        key=piece.name, name=piece.name, category="", size_m=piece.size_m,
-        rotation=piece.rotation, model=piece.model, author="", licence="",
-    )  # fmt: skip
+        key=piece.name,
+        name=piece.name,
+        category="",
+        size_m=piece.size_m,
+        rotation=piece.rotation,
+        model=piece.model,
+        author="",
+        licence="",
+    )
 
 
 def _files(archive: PlanArchive, model: str) -> dict[str, io.BytesIO]:

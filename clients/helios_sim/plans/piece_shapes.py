@@ -40,9 +40,13 @@ class PieceShapes:
     def shape(self, piece: Piece, class_name: str) -> tuple[Shape, Source]:
         """Shape of a piece of that class in the furniture frame, and where it comes from."""
         key = (
-            piece.model, piece.size_m, piece.rotation.tobytes(), piece.rgb, class_name,
+            piece.model,
+            piece.size_m,
+            piece.rotation.tobytes(),
+            piece.rgb,
+            class_name,
             piece.catalog_id,
-        )  # fmt: skip
+        )
         if key not in self._made:
             self._made[key] = self._shape(piece, class_name)
         return self._made[key]
@@ -117,11 +121,13 @@ def _stretched(surface: Surface, sx: float, sy: float, sz: float) -> Surface:
 
 def _scaled(solid: CollisionPrimitive, scale: np.ndarray) -> CollisionPrimitive:
     w, x, y, z = solid.quat
-    turn = np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])  # fmt: skip
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
     own = np.linalg.norm(scale[:, None] * turn, axis=0)  # stretch along the solid's own axes
     a, b, c = solid.half_extent
     half = (a * own[0], b * own[1], c * own[2])

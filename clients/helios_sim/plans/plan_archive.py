@@ -110,9 +110,14 @@ class PlanArchive:
             with self._zip.open(info) as file:
                 data = file.read(most + 1)
         except (
-            zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, NotImplementedError,
+            zipfile.BadZipFile,
+            zlib.error,
+            EOFError,
+            OSError,
+            RuntimeError,
+            NotImplementedError,
             ValueError,
-        ) as error:  # fmt: skip
+        ) as error:
             raise InvalidInput(
                 f"{name} in {self.name} is damaged or encrypted ({error}); {SAVE_AGAIN}"
             ) from error

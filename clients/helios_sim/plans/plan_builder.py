@@ -157,9 +157,13 @@ def drawn_home(source: PlanSource, furniture_models: FurnitureModels | None = No
 def preset_of(source: PlanSource) -> HomePreset:
     """Preset that stands for the homes of a plan: the benchmark's, with narrower passages."""
     return replace(
-        OVMM_V1, name=source.kind, clearance_margin_m=0.05, hidden_objects=0,
-        objects=(0, _THINGS[1]), min_object_classes=0,
-    )  # fmt: skip
+        OVMM_V1,
+        name=source.kind,
+        clearance_margin_m=0.05,
+        hidden_objects=0,
+        objects=(0, _THINGS[1]),
+        min_object_classes=0,
+    )
 
 
 class _Builder:
@@ -189,9 +193,13 @@ class _Builder:
         bounds = _bounds(rooms, walls)
         outside = tuple(outside_obstacles(area, bounds))
         floor = FurnishedFloor(
-            rooms, bounds, [*wall_obstacles(walls), *outside], self._preset, self._palette,
+            rooms,
+            bounds,
+            [*wall_obstacles(walls), *outside],
+            self._preset,
+            self._palette,
             self._rng,
-        )  # fmt: skip
+        )
         floor.catalog = shapes.catalog
         furnish(floor, furnishing)
         self._add_openings(floor, doors, whole, area, furnishing)
@@ -220,9 +228,13 @@ class _Builder:
         return tuple(styles)
 
     def _add_openings(
-        self, floor: FurnishedFloor, doors: Doors, whole: Sequence[WallBlock], area: FloorArea,
+        self,
+        floor: FurnishedFloor,
+        doors: Doors,
+        whole: Sequence[WallBlock],
+        area: FloorArea,
         furnishing: Furnishing,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Hang windows and shut doors, and open leaves where they fit."""
         rooms = floor.rooms
         for opening, door in doors.shut:
@@ -281,13 +293,26 @@ class _Builder:
 
     @staticmethod
     def _hang(
-        floor: FurnishedFloor, class_name: str, pose: Pose, shape: Shape, z_m: float, room: int,
-        *, blocks: bool = False,
-    ) -> Fixture:  # fmt: skip
+        floor: FurnishedFloor,
+        class_name: str,
+        pose: Pose,
+        shape: Shape,
+        z_m: float,
+        room: int,
+        *,
+        blocks: bool = False,
+    ) -> Fixture:
         item = Fixture(
-            floor.name(class_name), class_name, room, *pose, shape.size_m, blocks, shape.color,
-            shape, z_m,
-        )  # fmt: skip
+            floor.name(class_name),
+            class_name,
+            room,
+            *pose,
+            shape.size_m,
+            blocks,
+            shape.color,
+            shape,
+            z_m,
+        )
         floor.fixtures.append(item)
         return item
 
@@ -295,9 +320,14 @@ class _Builder:
 def _room(index: int, drawn: DrawnRoom) -> Room:
     x, y = np.array(drawn.outline).T
     return Room(
-        index, room_kind(drawn.name), float(x.min()), float(y.min()), float(x.max()),
-        float(y.max()), drawn.outline,
-    )  # fmt: skip
+        index,
+        room_kind(drawn.name),
+        float(x.min()),
+        float(y.min()),
+        float(x.max()),
+        float(y.max()),
+        drawn.outline,
+    )
 
 
 def _with_kind(room: Room, furnishing: Furnishing) -> Room:

@@ -73,9 +73,11 @@ def placed_pieces(
     out = Furnishing()
     small, outdoors = 0, 0
     for piece in pieces:
-        class_name = "stairs" if piece.stairs else class_of(
-            piece.catalog_id, piece.name, piece.size_m, piece.z_m
-        )  # fmt: skip
+        class_name = (
+            "stairs"
+            if piece.stairs
+            else class_of(piece.catalog_id, piece.name, piece.size_m, piece.z_m)
+        )
         room = room_of(piece.x, piece.y, rooms, area)
         if room is None:
             outdoors += 1
@@ -146,10 +148,16 @@ def _add_receptacle(
     stem = floor.catalog.receptacles[placed.class_name][0]
     floor.receptacles.append(
         Receptacle(
-            floor.name(stem), placed.class_name, placed.room, *placed.pose, shape.size_m,
-            surfaces, shape.color, shape,
+            floor.name(stem),
+            placed.class_name,
+            placed.room,
+            *placed.pose,
+            shape.size_m,
+            surfaces,
+            shape.color,
+            shape,
         )
-    )  # fmt: skip
+    )
 
 
 def _fixture(floor: FurnishedFloor, placed: PlacedPiece) -> Fixture:
@@ -159,9 +167,16 @@ def _fixture(floor: FurnishedFloor, placed: PlacedPiece) -> Fixture:
     # Its body may need a name that no receptacle of the class has.
     stem = placed.class_name.replace(" ", "_")
     return Fixture(
-        floor.name(stem), placed.class_name, placed.room, *placed.pose, shape.size_m,
-        placed.blocks, shape.color, shape, max(placed.piece.z_m, 0.0),
-    )  # fmt: skip
+        floor.name(stem),
+        placed.class_name,
+        placed.room,
+        *placed.pose,
+        shape.size_m,
+        placed.blocks,
+        shape.color,
+        shape,
+        max(placed.piece.z_m, 0.0),
+    )
 
 
 def _free_surface(

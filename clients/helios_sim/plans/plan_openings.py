@@ -38,9 +38,11 @@ class Doors:
 
 
 def sorted_doors(
-    openings: Sequence[Opening], blocks: Sequence[WallBlock], area: FloorArea,
+    openings: Sequence[Opening],
+    blocks: Sequence[WallBlock],
+    area: FloorArea,
     rooms: Sequence[Room],
-) -> Doors:  # fmt: skip
+) -> Doors:
     """Doors between two indoor floors stand open; a door to anywhere else stays shut."""
     open_doors: list[PlanDoor] = []
     opened: list[Opening] = []
@@ -56,9 +58,15 @@ def sorted_doors(
         sides = [_beyond(opening, wall, side, area) for side in (-1, 1)]
         indices = tuple(r.index for p in sides if p for r in rooms if r.contains(*p))
         door = PlanDoor(
-            opening.name, wall[0], wall[1], opening.yaw_rad, opening.width_m,
-            opening.z_m + opening.height_m, wall[2], indices,
-        )  # fmt: skip
+            opening.name,
+            wall[0],
+            wall[1],
+            opening.yaw_rad,
+            opening.width_m,
+            opening.z_m + opening.height_m,
+            wall[2],
+            indices,
+        )
         if None in sides:
             shut.append((opening, door))
         else:
@@ -104,9 +112,12 @@ def window_shape(opening: Opening, wall_m: float) -> Shape:
 
 
 def open_leaf(
-    door: PlanDoor, opening: Opening, palette: Palette, rng: np.random.Generator,
+    door: PlanDoor,
+    opening: Opening,
+    palette: Palette,
+    rng: np.random.Generator,
     fits: Callable[[Shape, Pose], bool],
-) -> tuple[Shape, Pose] | None:  # fmt: skip
+) -> tuple[Shape, Pose] | None:
     """Open leaf of a door and its pose, as its plan swings it if it fits there.
 
     None for an opening without a leaf in the plan, and where no pose fits.

@@ -32,9 +32,11 @@ class PlanSource:
             raise InvalidInput(f"{path} {what}; name a .sh3d file")
         beside = path_beside(path)
         return cls(
-            path.resolve(), file_sha256(path), level,
+            path.resolve(),
+            file_sha256(path),
+            level,
             file_sha256(beside) if beside.is_file() else "",
-        )  # fmt: skip
+        )
 
     @property
     def digest(self) -> str:

@@ -167,9 +167,12 @@ def floor_picture(
 
 
 def _lay(
-    image: NDArray[np.float32], room: Room, style: RoomStyle, origin: tuple[float, float],
+    image: NDArray[np.float32],
+    room: Room,
+    style: RoomStyle,
+    origin: tuple[float, float],
     scale: NDArray[np.float64],
-) -> None:  # fmt: skip
+) -> None:
     """Draw the floor of a room into the image."""
     low = np.floor((np.array([room.x0, room.y0]) - origin) * scale).astype(int)
     high = np.ceil((np.array([room.x1, room.y1]) - origin) * scale).astype(int)
@@ -188,9 +191,11 @@ def _lay(
 
 
 def _pixels(
-    outline: Outline, origin: tuple[float, float], scale: NDArray[np.float64],
+    outline: Outline,
+    origin: tuple[float, float],
+    scale: NDArray[np.float64],
     low: NDArray[np.int_],
-) -> NDArray[np.int32]:  # fmt: skip
+) -> NDArray[np.int32]:
     return np.round((np.array(outline) - origin) * scale - low).astype(np.int32)
 
 

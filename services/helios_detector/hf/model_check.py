@@ -45,30 +45,72 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
+def _check_depth(
+    args: argparse.Namespace,
+    options: DetectorOptions,
+    color: NDArray[np.uint8],
+    focal_px: float,
+) -> tuple[NDArray[np.float32], float] | None:
+    """Depth in metres [h, w] and focal length by the depth model; None if there is no model.
+
+    focal_px: for a model that does not estimate it.
+    """
+    model = open_depth(args.depth, options, args.depth_focal)
+    if model is None:
+        return None
+    given = args.focal_px or (None if args.depth_focal == "own" else focal_px)
+    made = _timed(
+        "depth",
+        model.name,
+        model.warm_up,
+        model.accelerator_mb,
+        lambda: model.estimate(color, given),
+        args.repeat,
+    )
+    good = made.depth_m[made.depth_m > 0]
+    spread = np.percentile(good, [5, 50, 95]) if good.size else [0, 0, 0]
+    print(
+        f"  metres at 5, 50, 95 %: {', '.join(f'{v:.2f}' for v in spread)}; "
+        f"focal length {made.focal_px:.0f} px"
+    )
+    return made.depth_m, made.focal_px
+
+
+def _check_scorer(
+    args: argparse.Namespace, options: DetectorOptions, frame: Frame, seen: tuple[Seen, ...]
+) -> None:
+    scorer = open_scorer(args.scorer, options)
+    prompts = {p: p for p in args.prompt or ["Seems like there is a mug ahead"]}
+    scores = _timed(
+        "scorer",
+        scorer.name,
+        scorer.warm_up,
+        scorer.accelerator_mb,
+        lambda: scorer.score(frame, seen, prompts),
+        args.repeat,
+    )
+    for prompt, score in scores.items():
+        print(f"  {score:.3f}  {prompt}")
+
+
 def _check(args: argparse.Namespace) -> None:
     if args.repeat < 1:
         raise InvalidInput(f"--repeat is {args.repeat}; set 1 or more")
     if not (args.detector or args.scorer or args.depth):
         raise InvalidInput("nothing to check; name --detector, --scorer or --depth")
     options = DetectorOptions(
-        threads=args.threads, device=args.device, precision=args.precision, masks=args.masks,
+        threads=args.threads,
+        device=args.device,
+        precision=args.precision,
+        masks=args.masks,
         score_head=args.score_head,
-    )  # fmt: skip
+    )
     color = _read(args.image)
     height, width = color.shape[:2]
     focal_px = args.focal_px or 0.5 * width / np.tan(np.deg2rad(30))
     depth_m = np.full((height, width), FLAT_M, np.float32)
     if args.depth:
-        model = open_depth(args.depth, options, args.depth_focal)
-        if model is not None:
-            given = args.focal_px or (None if args.depth_focal == "own" else focal_px)
-            made = _timed("depth", model.name, model.warm_up, model.accelerator_mb,
-                          lambda: model.estimate(color, given), args.repeat)  # fmt: skip
-            depth_m, focal_px = made.depth_m, made.focal_px
-            good = depth_m[depth_m > 0]
-            spread = np.percentile(good, [5, 50, 95]) if good.size else [0, 0, 0]
-            print(f"  metres at 5, 50, 95 %: {', '.join(f'{v:.2f}' for v in spread)}; "
-                  f"focal length {focal_px:.0f} px")  # fmt: skip
+        depth_m, focal_px = _check_depth(args, options, color, focal_px) or (depth_m, focal_px)
     camera = Pinhole(focal_px, focal_px, width / 2, height / 2, width, height)
     T_world_cam = camera_on_base(np.eye(4), CAMERA_M, 0.0)
     frame = Frame(FrameId("check", 0, 1), 0, True, color, depth_m, camera, T_world_cam, np.eye(4))
@@ -76,18 +118,18 @@ def _check(args: argparse.Namespace) -> None:
     if args.detector:
         detector = open_detector(args.detector, options)
         context = SearchContext("check", _classes(args.classes))
-        findings = _timed("detector", detector.name, detector.warm_up, detector.accelerator_mb,
-                          lambda: detector.detect(frame, context), args.repeat)  # fmt: skip
+        findings = _timed(
+            "detector",
+            detector.name,
+            detector.warm_up,
+            detector.accelerator_mb,
+            lambda: detector.detect(frame, context),
+            args.repeat,
+        )
         for d in findings.detections:
             print(f"  {d.class_name} {d.score:.2f} box {d.box_xyxy} mask {int(d.mask.sum())} px")
     if args.scorer:
-        scorer = open_scorer(args.scorer, options)
-        prompts = {p: p for p in args.prompt or ["Seems like there is a mug ahead"]}
-        seen: tuple[Seen, ...] = findings.seen
-        scores = _timed("scorer", scorer.name, scorer.warm_up, scorer.accelerator_mb,
-                        lambda: scorer.score(frame, seen, prompts), args.repeat)  # fmt: skip
-        for prompt, score in scores.items():
-            print(f"  {score:.3f}  {prompt}")
+        _check_scorer(args, options, frame, findings.seen)
     if args.detector:
         out = args.out or args.image.with_name(f"{args.image.stem}-checked.png")
         coded, picture = cv2.imencode(out.suffix, drawn(color, findings)[..., ::-1])
@@ -112,9 +154,13 @@ def drawn(color: NDArray[np.uint8], findings: Findings) -> NDArray[np.uint8]:
 
 
 def _timed(
-    what: str, name: str, warm_up: Callable[[], None], accelerator_mb: Callable[[], float],
-    work: Callable[[], T], repeat: int,
-) -> T:  # fmt: skip
+    what: str,
+    name: str,
+    warm_up: Callable[[], None],
+    accelerator_mb: Callable[[], float],
+    work: Callable[[], T],
+    repeat: int,
+) -> T:
     began, before = time.perf_counter(), resident_mb()
     warm_up()
     loaded_s = time.perf_counter() - began

@@ -15,9 +15,13 @@ from helios_core.models.catalogue import missing_sentence
 
 NOT_LEARNT = ("position_ids",)  # key endings of buffers that the library fills itself
 INCOMPLETE = (  # the library's messages for missing files
-    "no file named", "does not appear to have", "Should have a `model_type`",
-    "Can't load image processor", "Can't load processor", "Can't load tokenizer",
-)  # fmt: skip
+    "no file named",
+    "does not appear to have",
+    "Should have a `model_type`",
+    "Can't load image processor",
+    "Can't load processor",
+    "Can't load tokenizer",
+)
 EXTRA = "pip install 'helios-ovmm[transformers]'"
 
 

@@ -65,9 +65,12 @@ class Siglip(Clip):
     def tokens(self, model: Any, processor: Any, texts: list[str]) -> Any:
         length = int(model.config.text_config.max_position_embeddings)
         return processor(
-            text=texts, padding="max_length", max_length=length, truncation=True,
+            text=texts,
+            padding="max_length",
+            max_length=length,
+            truncation=True,
             return_tensors="pt",
-        )  # fmt: skip
+        )
 
 
 class Blip2(EmbeddingModel):
@@ -110,9 +113,15 @@ class Blip2(EmbeddingModel):
 
 
 TOWERS: dict[str, type[EmbeddingModel]] = {
-    "blip-2": Blip2, "clip": Clip, "siglip": Siglip, "siglip2": Siglip, "metaclip_2": Clip,
-    "align": Clip, "altclip": Clip, "chinese_clip": Clip,
-}  # fmt: skip
+    "blip-2": Blip2,
+    "clip": Clip,
+    "siglip": Siglip,
+    "siglip2": Siglip,
+    "metaclip_2": Clip,
+    "align": Clip,
+    "altclip": Clip,
+    "chinese_clip": Clip,
+}
 
 
 class HfScorer(ScorerBackend):

@@ -103,9 +103,10 @@ def surface_cells(
     depth_m = frame.depth_m[half::STRIDE_PX, half::STRIDE_PX]
     ids = truth.ids[half::STRIDE_PX, half::STRIDE_PX]
     hosts = {
-        id: i for id, i in truth.instances.items()
+        id: i
+        for id, i in truth.instances.items()
         if id and not i.graspable and plain(i.class_name) not in f.never_on
-    }  # fmt: skip
+    }
     if not hosts:
         return None
     usable = np.zeros(int(max(ids.max(), *hosts)) + 1, bool)

@@ -106,9 +106,13 @@ class ViewNoiseDetector(DetectorBackend):
     def _verdicts(self, frame: Frame, truth: Truth, search: Search) -> list[SimulatedResult]:
         things = list(visible(truth))
         return verdicts(
-            things, self._table, [self._key(t.instance) for t in things],
-            frame.T_world_cam[:3, 3], frame.stamp_ns, search,
-        )  # fmt: skip
+            things,
+            self._table,
+            [self._key(t.instance) for t in things],
+            frame.T_world_cam[:3, 3],
+            frame.stamp_ns,
+            search,
+        )
 
     def _search(self, context: SearchContext) -> Search:
         """Search classes of a context; those of the last one are remembered."""

@@ -201,10 +201,16 @@ def _plain(message: Message | ImageMessage, pixels: bool) -> Message:
 
 def _without_pixels(message: pb.Observation) -> pb.Observation:
     out = pb.Observation(
-        frame=head_of(message.frame), context_id=message.context_id, detections=message.detections,
-        layer_scores=message.layer_scores, detector=message.detector, detect_ms=message.detect_ms,
-        scorer=message.scorer, others=message.others, class_scores=message.class_scores,
-    )  # fmt: skip
+        frame=head_of(message.frame),
+        context_id=message.context_id,
+        detections=message.detections,
+        layer_scores=message.layer_scores,
+        detector=message.detector,
+        detect_ms=message.detect_ms,
+        scorer=message.scorer,
+        others=message.others,
+        class_scores=message.class_scores,
+    )
     if message.HasField("image_embedding"):
         out.image_embedding.CopyFrom(message.image_embedding)
     return out

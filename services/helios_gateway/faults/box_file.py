@@ -45,9 +45,12 @@ def compressed(entry: Entry, log_time_ns: int) -> BoxMessage:
     data = entry.message.SerializeToString()
     large = len(data) >= LARGE_BYTES
     return BoxMessage(
-        entry.channel, type(entry.message), zstandard.compress(data, 1) if large else data, large,
+        entry.channel,
+        type(entry.message),
+        zstandard.compress(data, 1) if large else data,
+        large,
         log_time_ns,
-    )  # fmt: skip
+    )
 
 
 def mcap_bytes(messages: Iterable[BoxMessage], about: Mapping[str, str]) -> bytes:

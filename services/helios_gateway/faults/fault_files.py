@@ -76,8 +76,10 @@ class FaultFiles:
         if len(data) > self._share_of_disk(0):
             log.warning(
                 "%s of %.1f MB was not kept: there is too little room on the disk of %s",
-                name, len(data) / 1e6, self.folder,
-            )  # fmt: skip
+                name,
+                len(data) / 1e6,
+                self.folder,
+            )
             return False
         return self._try(lambda: self._write(name, data))
 
@@ -142,6 +144,9 @@ def _fault(raw: dict[str, Any]) -> Fault:
 
 def _note(raw: dict[str, Any]) -> RecordingNote:
     return RecordingNote(
-        str(raw["name"]), float(raw["made_s"]), tuple(map(str, raw["faults"])),
-        tuple(map(str, raw["tasks"])), int(raw["bytes"]),
-    )  # fmt: skip
+        str(raw["name"]),
+        float(raw["made_s"]),
+        tuple(map(str, raw["faults"])),
+        tuple(map(str, raw["tasks"])),
+        int(raw["bytes"]),
+    )

@@ -35,9 +35,12 @@ class FaultMonitor:
     """
 
     def __init__(
-        self, folder: Path | None, limit_bytes: float, tell: Callable[[Fault], None],
+        self,
+        folder: Path | None,
+        limit_bytes: float,
+        tell: Callable[[Fault], None],
         clock: Callable[[], float] = time.time,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._tell, self._clock = tell, clock
         self._files = None if folder is None else FaultFiles(folder, limit_bytes)
         faults, notes = ([], []) if self._files is None else self._files.read()

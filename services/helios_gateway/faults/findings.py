@@ -30,9 +30,11 @@ def stop(reason: str) -> Finding:
 def restart(process: pb.ProcessStatus) -> Finding:
     """The supervisor has restarted a process."""
     return Finding(
-        process.name, "restarted", printable(process.reason) or "it was restarted",
+        process.name,
+        "restarted",
+        printable(process.reason) or "it was restarted",
         keep_s=RESTARTED_KEEP_S,
-    )  # fmt: skip
+    )
 
 
 def failed_task(task: pb.Task) -> Finding:

@@ -99,9 +99,12 @@ class FaultBook:
     def occur(self, now_s: float, event: Finding) -> list[Fault]:
         """Take an event."""
         fault = replace(
-            self._occurred(now_s, event), state=FaultState.CONFIRMED, confirmed_s=now_s,
-            present=False, keep_s=event.keep_s,
-        )  # fmt: skip
+            self._occurred(now_s, event),
+            state=FaultState.CONFIRMED,
+            confirmed_s=now_s,
+            present=False,
+            keep_s=event.keep_s,
+        )
         return [self._put(fault)]
 
     def clear(self, now_s: float, ids: Iterable[str]) -> list[Fault]:
@@ -135,15 +138,25 @@ class FaultBook:
                 since_s=now_s,
             )  # fmt: skip
         again = replace(
-            before, message=finding.message, severity=finding.severity, count=before.count + 1,
-            last_s=now_s, present=True, since_s=now_s, keep_s=None,
-        )  # fmt: skip
+            before,
+            message=finding.message,
+            severity=finding.severity,
+            count=before.count + 1,
+            last_s=now_s,
+            present=True,
+            since_s=now_s,
+            keep_s=None,
+        )
         if before.state is not FaultState.CLEARED:
             return replace(again, episode=before.episode + 1)
         return replace(
-            again, state=FaultState.RAISED, episode=1, raised_s=now_s, confirmed_s=0.0,
+            again,
+            state=FaultState.RAISED,
+            episode=1,
+            raised_s=now_s,
+            confirmed_s=0.0,
             cleared_s=0.0,
-        )  # fmt: skip
+        )
 
     def _not_seen(self, now_s: float, fault: Fault) -> Fault | None:
         if fault.state is FaultState.CLEARED:

@@ -17,23 +17,32 @@ def fault_list(monitor: FaultMonitor) -> api_fault_models.FaultList:
         faults=[fault_model(fault, notes) for fault in monitor.faults()],
         recordings=[
             api_fault_models.FaultRecording(
-                name=note.name, made_s=note.made_s, faults=list(note.faults),
-                tasks=list(note.tasks), bytes=note.bytes or None,
+                name=note.name,
+                made_s=note.made_s,
+                faults=list(note.faults),
+                tasks=list(note.tasks),
+                bytes=note.bytes or None,
             )
             for note in notes
         ],
         folder=None if monitor.folder is None else str(monitor.folder),
-    )  # fmt: skip
+    )
 
 
 def fault_model(fault: Fault, notes: Sequence[RecordingNote]) -> api_fault_models.Fault:
     """notes: all recordings, newest first."""
     return api_fault_models.Fault(
-        id=fault.id, source=fault.source, kind=fault.kind,
+        id=fault.id,
+        source=fault.source,
+        kind=fault.kind,
         severity=cast(Literal["warning", "error"], fault.severity),
         state=cast(Literal["raised", "confirmed", "cleared"], fault.state.value),
-        message=fault.message, count=fault.count, first_s=fault.first_s or None,
-        last_s=fault.last_s or None, raised_s=fault.raised_s or None,
-        confirmed_s=fault.confirmed_s or None, cleared_s=fault.cleared_s or None,
+        message=fault.message,
+        count=fault.count,
+        first_s=fault.first_s or None,
+        last_s=fault.last_s or None,
+        raised_s=fault.raised_s or None,
+        confirmed_s=fault.confirmed_s or None,
+        cleared_s=fault.cleared_s or None,
         recordings=[note.name for note in reversed(notes) if fault.id in note.faults],
-    )  # fmt: skip
+    )

@@ -90,8 +90,12 @@ class Dispatcher:
         """
         while True:
             task = self.queue.get(id)
-            over = {"stage": Stage.ENDED, "end": "cancelled", "ended_s": time.time(),
-                    "message": "cancelled before it began"}  # fmt: skip
+            over = {
+                "stage": Stage.ENDED,
+                "end": "cancelled",
+                "ended_s": time.time(),
+                "message": "cancelled before it began",
+            }
             if task.ended:
                 return task
             if task.stage is Stage.WAITING:
@@ -127,8 +131,11 @@ class Dispatcher:
             state = "no robot of this gateway" if robot is None else robot.state()
             return f"waits for {task.wanted}, which is {state}"
         states = [robot.state() for robot in self.robots.values()]
-        counts = [f"{states.count(s)} {s}" for s in ("busy", "not ready", "stopped", "away")
-                  if s in states]  # fmt: skip
+        counts = [
+            f"{states.count(s)} {s}"
+            for s in ("busy", "not ready", "stopped", "away")
+            if s in states
+        ]
         return f"waits for an idle robot: {', '.join(counts) or 'one will start it now'}"
 
     def _checked(self, request: pb.SubmitRequest, wanted: str) -> tuple[pb.Task, dict[str, str]]:
@@ -202,9 +209,13 @@ class Dispatcher:
     def _return(self, task: FleetTask, why: str) -> None:
         """Put a task that its robot cannot have begun back into the queue."""
         self.queue.withdraw(
-            task.id, task.task_id, (task.stage,), stage=Stage.WAITING, message="",
+            task.id,
+            task.task_id,
+            (task.stage,),
+            stage=Stage.WAITING,
+            message="",
             returned=task.returned + 1,
-        )  # fmt: skip
+        )
         log.info("task %s of the fleet is in the queue again: %s", task.id, why)
         self._wake.set()
 
@@ -217,24 +228,33 @@ class Dispatcher:
         things = {task.thing for task in waiting}
         now_s = time.monotonic()
         idle = [
-            robot.idle(things) for name, robot in self.robots.items()
-            if name not in taken and robot.planner_here and robot.state() == "idle"
+            robot.idle(things)
+            for name, robot in self.robots.items()
+            if name not in taken
+            and robot.planner_here
+            and robot.state() == "idle"
             and now_s >= self._rests_until_s.get(name, 0.0)
-        ]  # fmt: skip
+        ]
         asked = [
-            WaitingTask(t.id, t.request.priority, t.created_s, t.thing, t.wanted,
-                        frozenset(t.refused))
+            WaitingTask(
+                t.id, t.request.priority, t.created_s, t.thing, t.wanted, frozenset(t.refused)
+            )
             for t in waiting
-        ]  # fmt: skip
+        ]
         for one in assignments(asked, idle):
             self._contained(f"task {one.task_id}", lambda one=one: self._offer(one))
 
     def _offer(self, one: Assignment) -> None:
         """Offer a task to a robot on hold; if it accepts, let it start."""
         task = self.queue.change(
-            one.task_id, (Stage.WAITING,), stage=Stage.OFFERED, robot=one.robot,
-            task_id=uuid.uuid4().hex[:12], why=one.why, message="",
-        )  # fmt: skip
+            one.task_id,
+            (Stage.WAITING,),
+            stage=Stage.OFFERED,
+            robot=one.robot,
+            task_id=uuid.uuid4().hex[:12],
+            why=one.why,
+            message="",
+        )
         if task is None:  # it was cancelled
             return
         request = pb.SubmitRequest()
@@ -258,8 +278,12 @@ class Dispatcher:
         refused = {**task.refused, task.robot: why}
         changes: dict[str, object] = {"stage": Stage.WAITING}
         if all(robot.name in refused for robot in self._of(task.wanted)):
-            changes = {"stage": Stage.ENDED, "end": "failed", "ended_s": time.time(),
-                       "message": f"no robot can do it; {task.robot}: {why}"}  # fmt: skip
+            changes = {
+                "stage": Stage.ENDED,
+                "end": "failed",
+                "ended_s": time.time(),
+                "message": f"no robot can do it; {task.robot}: {why}",
+            }
         self.queue.change(
             task.id, (Stage.OFFERED,), robot="", task_id="", why="", refused=refused, **changes
         )
@@ -301,9 +325,14 @@ class Dispatcher:
             return
         self._asked_s.pop(task.id, None)
         self.queue.change(
-            task.id, TOLD, stage=Stage.ENDED, end=heard.state, message=heard.message,
-            ended_s=heard.ended_s or time.time(), task=heard,
-        )  # fmt: skip
+            task.id,
+            TOLD,
+            stage=Stage.ENDED,
+            end=heard.state,
+            message=heard.message,
+            ended_s=heard.ended_s or time.time(),
+            task=heard,
+        )
 
     def _take_back(self, task: FleetTask) -> None:
         """Take a task that waits at a robot which dropped out, unless it starts just now."""
@@ -316,10 +345,14 @@ class Dispatcher:
     def _lost(self, task: FleetTask) -> None:
         """End a task whose robot does not know it any more."""
         self.queue.change(
-            task.id, TOLD, stage=Stage.ENDED, end="failed", ended_s=time.time(),
+            task.id,
+            TOLD,
+            stage=Stage.ENDED,
+            end="failed",
+            ended_s=time.time(),
             message=f"{task.robot} does not know the task any more, so how far it came is not "
             "known; see what the robot holds, and submit the task again",
-        )  # fmt: skip
+        )
 
     def _cancel_at_robot(self, task: FleetTask) -> None:
         """Ask the robot to end a task. A robot that is away is asked again in the next cycle."""

@@ -178,9 +178,12 @@ def _row(task: FleetTask) -> tuple:
     record = {name: getattr(task, name) for name in _PLAIN}
     record["refused"] = dict(task.refused)
     return (
-        task.id, task.stage.value, json.dumps(record), task.request.SerializeToString(),
+        task.id,
+        task.stage.value,
+        json.dumps(record),
+        task.request.SerializeToString(),
         task.task.SerializeToString(),
-    )  # fmt: skip
+    )
 
 
 def _read_tasks(db: sqlite3.Connection) -> list[FleetTask]:
@@ -190,11 +193,15 @@ def _read_tasks(db: sqlite3.Connection) -> list[FleetTask]:
     for id, stage, record, request, task in rows:
         try:
             plain = json.loads(record)
-            out.append(FleetTask(
-                id=id, request=pb.SubmitRequest.FromString(request),
-                task=pb.Task.FromString(task), stage=Stage(stage),
-                **{name: plain[name] for name in _PLAIN},
-            ))  # fmt: skip
+            out.append(
+                FleetTask(
+                    id=id,
+                    request=pb.SubmitRequest.FromString(request),
+                    task=pb.Task.FromString(task),
+                    stage=Stage(stage),
+                    **{name: plain[name] for name in _PLAIN},
+                )
+            )
         except (DecodeError, ValueError, KeyError, TypeError) as error:
             log.error("task %s of the fleet cannot be read (%s): it is left out", id, error)
     return out

@@ -77,8 +77,13 @@ class FleetTask:
 
     def withdrawn(self, **changes: Any) -> FleetTask:
         """A copy without its robot."""
-        draft = pb.Task(kind=self.task.kind, object=self.task.object, start=self.task.start,
-                        goal=self.task.goal, unused=self.task.unused)  # fmt: skip
+        draft = pb.Task(
+            kind=self.task.kind,
+            object=self.task.object,
+            start=self.task.start,
+            goal=self.task.goal,
+            unused=self.task.unused,
+        )
         return self.with_(robot="", task_id="", why="", task=draft, **changes)
 
 

@@ -180,8 +180,9 @@ async def _watch(
 def _types(text: str) -> frozenset[str]:
     types = frozenset(part.strip() for part in text.split(",") if part.strip())
     if unknown := sorted(types - set(TYPES)):
-        raise InvalidInput(f"no events are of type {unknown[0][:50]!r}; there are: "
-                           f"{', '.join(TYPES)}")  # fmt: skip
+        raise InvalidInput(
+            f"no events are of type {unknown[0][:50]!r}; there are: {', '.join(TYPES)}"
+        )
     return types
 
 

@@ -102,8 +102,12 @@ def robot_model(robot: FleetRobot) -> api_fleet_models.FleetRobot:
     now, task = robot.served.monitor.robot().state, robot.under_way()
     has_picture = robot.served.monitor.camera.has_picture
     return api_fleet_models.FleetRobot(
-        name=robot.name, state=robot.state(), reasons=robot.reasons(),
+        name=robot.name,
+        state=robot.state(),
+        reasons=robot.reasons(),
         task=None if task is None else message_conversion.task(task),
-        pose=now and now.pose, battery=now and now.battery, held=now.held if now else "",
+        pose=now and now.pose,
+        battery=now and now.battery,
+        held=now.held if now else "",
         picture=f"/v1/robots/{quote(robot.name, safe='')}/camera.jpg" if has_picture else None,
-    )  # fmt: skip
+    )

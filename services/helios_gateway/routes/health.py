@@ -120,10 +120,14 @@ async def robots(state: State) -> api_models.RobotList:
     Every address below `/v1`, except `/v1/session`, `/v1/fleet` and `/v1/robots` itself, also
     exists below `/v1/robots/NAME`, for that robot.
     """
-    return api_models.RobotList(robots=[
-        api_models.RobotEntry(
-            name=name, connected=served.monitor.robot().connected,
-            ready=not served.monitor.not_ready_reasons(), stopped=served.monitor.stopped,
-        )
-        for name, served in state.robots.robots.items()
-    ])  # fmt: skip
+    return api_models.RobotList(
+        robots=[
+            api_models.RobotEntry(
+                name=name,
+                connected=served.monitor.robot().connected,
+                ready=not served.monitor.not_ready_reasons(),
+                stopped=served.monitor.stopped,
+            )
+            for name, served in state.robots.robots.items()
+        ]
+    )

@@ -117,10 +117,13 @@ def load(
     with planner_reserved(robot, "the maps are being loaded", settings.call_timeout_s):
         objects, ground = _load_both(robot, maps, same_frame)
     return api_map_models.LoadedMaps(
-        objects=objects.objects, gaussians=objects.gaussians, views=ground.views,
-        known_m2=finite(ground.known_m2), occupied_m2=finite(ground.occupied_m2),
+        objects=objects.objects,
+        gaussians=objects.gaussians,
+        views=ground.views,
+        known_m2=finite(ground.known_m2),
+        occupied_m2=finite(ground.occupied_m2),
         stored=ground.stored,
-    )  # fmt: skip
+    )
 
 
 def _load_both(

@@ -19,8 +19,9 @@ from helios_gateway.routes.map_file import FILE_S, planner_reserved, put_back
 Part = Literal["objects", "occupancy"]
 BOTH: tuple[Part, ...] = ("objects", "occupancy")
 METHODS: dict[Part, Method[pb.Empty, pb.Empty]] = {
-    "objects": RESET_OBJECTS, "occupancy": RESET_MAP2D,
-}  # fmt: skip
+    "objects": RESET_OBJECTS,
+    "occupancy": RESET_MAP2D,
+}
 router = APIRouter(tags=["maps and camera"])
 
 

@@ -99,12 +99,13 @@ def points(
     d = _detail(robot, id, timeout_s)
     stream = io.BytesIO()
     np.savez(
-        stream, allow_pickle=False,
+        stream,
+        allow_pickle=False,
         points_m=np.array(d.points_m, np.float32).reshape(-1, 3),
         box_center_m=[d.box_center_m.x, d.box_center_m.y, d.box_center_m.z],
         box_size_m=[d.box_size_m.x, d.box_size_m.y, d.box_size_m.z],
         box_yaw_rad=d.box_yaw_rad,
-    )  # fmt: skip
+    )
     return conditional_response(request, Encoded.of(stream.getvalue(), NPZ))
 
 
@@ -136,13 +137,16 @@ def view(
     id: ObjectId,
     layer: Annotated[
         Layer,
-        Query(description="rendered layer; probability and uncertainty refer to the object's "
-                          "class"),
+        Query(
+            description="rendered layer; probability and uncertainty refer to the object's class"
+        ),
     ] = "color",
     azimuth_rad: Annotated[
         float | None,
         Query(
-            allow_inf_nan=False, ge=-2 * math.pi, le=2 * math.pi,
+            allow_inf_nan=False,
+            ge=-2 * math.pi,
+            le=2 * math.pi,
             description="direction from the object to the camera, about world z; none: towards the "
             "robot",
         ),
@@ -150,7 +154,7 @@ def view(
     size_px: Annotated[
         int, Query(ge=64, le=1024, description="side length of the square image")
     ] = 320,
-) -> Response:  # fmt: skip
+) -> Response:
     found = _detail(robot, id, timeout_s).object
     center_m, size_m = (np.array([v.x, v.y, v.z]) for v in (found.center_m, found.size_m))
     if not np.isfinite([center_m, size_m]).all():
@@ -243,9 +247,11 @@ def _rendered(
     T_world_cam: [4, 4]. name: class of the layers `probability` and `uncertainty`.
     """
     message = pb.RenderRequest(
-        T_world_cam=transform_to_proto(T_world_cam), camera=pinhole_to_proto(lens),
-        layer=layer, class_name=name,
-    )  # fmt: skip
+        T_world_cam=transform_to_proto(T_world_cam),
+        camera=pinhole_to_proto(lens),
+        layer=layer,
+        class_name=name,
+    )
     with invalid_as_not_found():
         return Encoded.of(robot.bus.call(RENDER_OBJECTS, message, timeout_s).png, PNG)
 

@@ -61,8 +61,11 @@ def _check(check: pb.RobotCheck) -> RobotCheck:
         raise Internal(f"the bridge sent the verdict {check.verdict!r}; update the older of both")
     measured = verdict != "not measured"
     return RobotCheck(
-        name=check.name, verdict=verdict,
+        name=check.name,
+        verdict=verdict,
         value=finite(check.value) if measured else None,
         error=finite(check.error) if measured else None,
-        limit=check.limit, unit=check.unit, words=printable(check.words),
-    )  # fmt: skip
+        limit=check.limit,
+        unit=check.unit,
+        words=printable(check.words),
+    )

@@ -31,9 +31,12 @@ async def open_session(
     if key is None:
         raise Unauthorized("this API key is not known; make one with helios key")
     response.set_cookie(
-        COOKIE, body.key, httponly=True, samesite="strict",
+        COOKIE,
+        body.key,
+        httponly=True,
+        samesite="strict",
         secure=request.url.scheme == "https",
-    )  # fmt: skip
+    )
     return _session(state.keys, key)
 
 

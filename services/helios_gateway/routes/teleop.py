@@ -98,10 +98,13 @@ def _one_move(robot: RobotEndpoint, driver: TeleopLease, asked: DriveRequest) ->
         with contextlib.suppress(HeliosError):
             driver.release()
     return DriveResult(
-        succeeded=result.succeeded, reason=printable(result.reason),
-        moved_m=finite(result.moved_m), turned_rad=finite(result.turned_rad),
-        collided=result.collided, pose=pose_of(result.T_world_base.rows),
-    )  # fmt: skip
+        succeeded=result.succeeded,
+        reason=printable(result.reason),
+        moved_m=finite(result.moved_m),
+        turned_rad=finite(result.turned_rad),
+        collided=result.collided,
+        pose=pose_of(result.T_world_base.rows),
+    )
 
 
 async def _driven(

@@ -76,7 +76,12 @@ def _replies(
 
 def _model(service: str, span: pb.Span) -> TraceSpan:
     return TraceSpan(
-        service=service, id=span.span_id, parent_id=span.parent_id, name=printable(span.name),
-        start_s=span.start_ns * NS, end_s=span.end_ns * NS,
-        attributes=dict(sorted(span.attributes.items())), error=printable(span.error),
-    )  # fmt: skip
+        service=service,
+        id=span.span_id,
+        parent_id=span.parent_id,
+        name=printable(span.name),
+        start_s=span.start_ns * NS,
+        end_s=span.end_ns * NS,
+        attributes=dict(sorted(span.attributes.items())),
+        error=printable(span.error),
+    )

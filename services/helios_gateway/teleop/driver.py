@@ -110,9 +110,12 @@ class TeleopLease:
         )
         self._number += 1
         request = pb.ActionRequest(
-            action_id=f"{self._prefix}-{self._number}", lease_token=self._token,
-            time_remaining_s=MOVE_S, action=action_to_proto(action), no_keyframe=not keyframe,
-        )  # fmt: skip
+            action_id=f"{self._prefix}-{self._number}",
+            lease_token=self._token,
+            time_remaining_s=MOVE_S,
+            action=action_to_proto(action),
+            no_keyframe=not keyframe,
+        )
         try:
             result = self._at.bus.call(ACT, request, MOVE_S + self._timeout_s)
         except HeliosError:

@@ -69,9 +69,12 @@ class MoveLimits:
         low_m, low_rad = robot.min_forward_m or 0.0, robot.min_turn_rad or 0.0
         step_m = max(STEP_M, low_m)
         return cls(
-            min(step_m, robot.max_forward_m or 0.0), min(step_m, robot.max_back_m or 0.0),
-            min(max(STEP_RAD, low_rad), robot.max_turn_rad or 0.0), speed_m_s, turn_rad_s,
-        )  # fmt: skip
+            min(step_m, robot.max_forward_m or 0.0),
+            min(step_m, robot.max_back_m or 0.0),
+            min(max(STEP_RAD, low_rad), robot.max_turn_rad or 0.0),
+            speed_m_s,
+            turn_rad_s,
+        )
 
     def step(self, axis: Axis, ahead: bool) -> float:
         """Length of one move in m or rad; 0 if the robot cannot make it."""

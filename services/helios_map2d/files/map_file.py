@@ -34,14 +34,20 @@ FILE_NAME = "map2d.map"
 def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...], world: WorldId | None) -> bytes:
     """Map file of a version, with its stored views and its world."""
     head = pb.KeptMap(
-        map_id=snapshot.map_id, stamp_ns=snapshot.stamp_ns, version=snapshot.version,
-        cell_m=snapshot.grid.cell_m, tile_cells=TILE, context_id=snapshot.context_id,
-        layers=list(snapshot.layers), trajectory_m=snapshot.trajectory_m.ravel().tolist(),
+        map_id=snapshot.map_id,
+        stamp_ns=snapshot.stamp_ns,
+        version=snapshot.version,
+        cell_m=snapshot.grid.cell_m,
+        tile_cells=TILE,
+        context_id=snapshot.context_id,
+        layers=list(snapshot.layers),
+        trajectory_m=snapshot.trajectory_m.ravel().tolist(),
         trajectory_starts=snapshot.trajectory_starts,
         next_frontier_id=snapshot.next_frontier_id,
-        frontiers=[pb.KeptFrontier(id=f.id, cells=f.cells.ravel().tolist())
-                   for f in snapshot.frontiers],
-    )  # fmt: skip
+        frontiers=[
+            pb.KeptFrontier(id=f.id, cells=f.cells.ravel().tolist()) for f in snapshot.frontiers
+        ],
+    )
     if world is not None:
         head.robot_boot_id, head.world_epoch = world.robot_boot_id, world.world_epoch
         head.origin_id = world.origin_id
@@ -98,14 +104,17 @@ def decode_map(
             ground={tile.place: tile for tile in ground},
             values=values,
             robot_pose=(message.robot.x_m, message.robot.y_m, message.robot.yaw_rad)
-            if message.HasField("robot") else None,
+            if message.HasField("robot")
+            else None,
             trajectory_m=_pairs(np.array(message.trajectory_m, np.float64)),
             trajectory_starts=tuple(message.trajectory_starts),
             frontiers={f.id: _pairs(np.array(f.cells, np.int32)) for f in message.frontiers},
             next_frontier_id=message.next_frontier_id,
         ),
-        rules, footprint_radius_m, version,
-    )  # fmt: skip
+        rules,
+        footprint_radius_m,
+        version,
+    )
     for view in message.views:
         state.memory.add(read_view(view))
     return state, WorldId(message.robot_boot_id, message.world_epoch, message.origin_id)
@@ -133,9 +142,12 @@ def map_from_content(
     )
     state.stack.frontiers.next_id = max(1, content.next_frontier_id)
     state.stack.frontiers.remember(
-        tuple(Frontier(id, (0.0, 0.0), 0.0, False, {}, cells)
-              for id, cells in content.frontiers.items() if len(cells))
-    )  # fmt: skip
+        tuple(
+            Frontier(id, (0.0, 0.0), 0.0, False, {}, cells)
+            for id, cells in content.frontiers.items()
+            if len(cells)
+        )
+    )
     state.restore(content.ground, content.values)
     state.publish_above(version)
     return state

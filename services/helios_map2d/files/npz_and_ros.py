@@ -132,8 +132,14 @@ def decode_exported(data: bytes, cell_m: float, version: int) -> MapContent:
     snapshot = decode_npz(data, version + 1)
     check_cell(snapshot.grid.cell_m, cell_m)
     return MapContent(
-        snapshot.frame_id, snapshot.stamp_ns, snapshot.context_id,
-        dict(snapshot.ground), {name: dict(tiles) for name, tiles in snapshot.layers.items()},
-        snapshot.robot_pose, snapshot.trajectory_m, snapshot.trajectory_starts,
-        {f.id: f.cells.astype(np.int32) for f in snapshot.frontiers}, snapshot.next_frontier_id,
-    )  # fmt: skip
+        snapshot.frame_id,
+        snapshot.stamp_ns,
+        snapshot.context_id,
+        dict(snapshot.ground),
+        {name: dict(tiles) for name, tiles in snapshot.layers.items()},
+        snapshot.robot_pose,
+        snapshot.trajectory_m,
+        snapshot.trajectory_starts,
+        {f.id: f.cells.astype(np.int32) for f in snapshot.frontiers},
+        snapshot.next_frontier_id,
+    )

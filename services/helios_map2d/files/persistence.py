@@ -155,8 +155,10 @@ class MapFiles:
         self._restored, self._found = (state, found.written, content), found.data
         log.info(
             "a map was kept at %s: %s; it goes on when the robot is in %s",
-            found.written, content, world,
-        )  # fmt: skip
+            found.written,
+            content,
+            world,
+        )
         maps.keep(world, state)
 
     def _fate(self) -> str:
@@ -194,8 +196,9 @@ class MapFiles:
             raise InvalidInput(f"no format is called {kind[:40]!r}; ask for {FORMATS}")
         reply = pb.SaveMap2DReply(
             files=[pb.Map2DFile(name=name, data=data) for name, data in files.items()],
-            version=published.version, map_id=published.map_id,
-        )  # fmt: skip
+            version=published.version,
+            map_id=published.map_id,
+        )
         if published.frame_id is not None:
             reply.id.CopyFrom(frame_id_to_proto(published.frame_id))
         return reply
@@ -231,9 +234,12 @@ class MapFiles:
             views = len(state.memory)
         known_m2, occupied_m2 = areas_m2(published)
         return pb.LoadMap2DReply(
-            version=published.version, known_m2=known_m2, occupied_m2=occupied_m2, views=views,
+            version=published.version,
+            known_m2=known_m2,
+            occupied_m2=occupied_m2,
+            views=views,
             stored=stored,
-        )  # fmt: skip
+        )
 
     def close(self) -> None:
         """Save the map a last time."""

@@ -119,7 +119,7 @@ def project_depth(
     low,  # int32 [cells] out: bits of the lowest obstacle height, NO_LOW without one
     high,  # int32 [cells] out: bits of the highest, 0 without one
     marks,  # uint8 [3, ranges, bins] out: 1 where a pixel of the kind lies; [0] is unused
-):  # fmt: skip
+):
     """Classify depth pixels as floor, obstacle or neither; sort them by cell, azimuth and range."""
     h, w = depth.shape
     n = (w - 1) // step + 1

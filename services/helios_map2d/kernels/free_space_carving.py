@@ -23,11 +23,14 @@ def project_obstacles(
     pose,  # float32 [3, 4]: rotation; the camera's column and row in the window, height in metres
     cell_m,
     far,
-    xs, ys, lows, highs,  # float32 [n]: column, row, and heights of mapped obstacles
+    xs,
+    ys,
+    lows,
+    highs,  # float32 [n]: column, row, and heights of mapped obstacles
     depths,  # float32 [samples + 1, BATCH] out: depth of points, lowest to highest, then the middle
     pixels,  # int32 [samples + 1, BATCH] out: index of the points' pixels, -1 outside the image
     widths,  # int32 [samples + 1, BATCH] out: pixels that the cell covers on each side
-):  # fmt: skip
+):
     """Project sample points of mapped obstacles into the image."""
     # Few arrays per loop: with more, the compiler cannot exclude aliasing and drops SIMD.
     h, w = shape

@@ -151,13 +151,20 @@ def edge_cells(state, seen, top, at, near, wanted):
 
 @njit(cache=True, nogil=True)
 def describe(
-    cells, starts,  # clusters: world cells int32 [m, 2], and start of each int64 [clusters + 1]
+    cells,
+    starts,  # clusters: world cells int32 [m, 2], and start of each int64 [clusters + 1]
     corner,  # world cell of the grid's first cell
-    labels, offsets, reached, near, near_corner, changed,  # a `ReachedCells` and its labels
+    labels,
+    offsets,
+    reached,
+    near,
+    near_corner,
+    changed,  # a `ReachedCells` and its labels
     same,  # int64 [clusters]: index of the former frontier with equal cells, -1 for none
-    former_centres, former_reachable,  # `centres` and `reachable` of the former frontiers
+    former_centres,
+    former_reachable,  # `centres` and `reachable` of the former frontiers
     stale,  # box of world cells with changed values: row_lo, row_hi, column_lo, column_hi
-):  # fmt: skip
+):
     """Per cluster: centre (world cell, int32 [clusters, 2]), reachability (uint8), and flags
     (uint8): VALUES if its values need an update, OTHER if it differs from its former frontier.
 

@@ -109,8 +109,10 @@ def near_cells(cells, others, reach, box):
                 if hit >> i & 1:
                     continue
                 for j in range(b * CHUNK, min((b + 1) * CHUNK, others.shape[0])):
-                    if (abs(part[i, 0] - others[j, 0]) <= reach
-                            and abs(part[i, 1] - others[j, 1]) <= reach):  # fmt: skip
+                    if (
+                        abs(part[i, 0] - others[j, 0]) <= reach
+                        and abs(part[i, 1] - others[j, 1]) <= reach
+                    ):
                         hit |= 1 << i
                         total += 1
                         break
@@ -130,5 +132,4 @@ def box_of(cells, box):
 @njit(cache=True, nogil=True, inline="always")
 def apart(a, b, reach):
     """True if no cell of one box lies within `reach` of the other."""
-    return (a[1] + reach < b[0] or b[1] + reach < a[0]
-            or a[3] + reach < b[2] or b[3] + reach < a[2])  # fmt: skip
+    return a[1] + reach < b[0] or b[1] + reach < a[0] or a[3] + reach < b[2] or b[3] + reach < a[2]

@@ -53,10 +53,12 @@ def fold_floor(
     corner,  # (row, column) of the window on the map
     spans,  # int32 [rows, 2]: first column and end of each row that the view may change
     count,  # int32 [rows, columns]
-    evidence, floor_seen, occupancy,  # the whole map
+    evidence,
+    floor_seen,
+    occupancy,  # the whole map
     came_of_it,  # uint8 [rows, columns] out: SEEN_NOW, MEMORY
     active,  # int32 [cells, 2] out: cells (row, column) with evidence or a hit
-):  # fmt: skip
+):
     """Fuse the seen floor into the map and return the number of active cells."""
     rows, columns = count.shape
     ranges, bins = floor.shape[0] - 1, floor.shape[1]
@@ -115,12 +117,18 @@ def fold_obstacles(
     tolerance,  # float32 [2]: m, ratio of depth
     far,  # float32: largest depth at which a cell is tested
     rules,  # int64 [7]: weak pixels, strong pixels, tail ratio, occupied, most, gain, loss
-    count, low, high,  # [rows, columns], float32 heights: this frame's obstacles
+    count,
+    low,
+    high,  # [rows, columns], float32 heights: this frame's obstacles
     active,  # int32 [n, 2]: cells, from fold_floor
     corner,  # (row, column) of the window on the map
-    evidence, floor_seen, z_low, z_high, occupancy,  # the whole map
+    evidence,
+    floor_seen,
+    z_low,
+    z_high,
+    occupancy,  # the whole map
     came_of_it,  # uint8 [rows, columns], from fold_floor: gets HEIGHTS, MEMORY, SEEN_NOW
-):  # fmt: skip
+):
     """Fuse this frame's obstacles into the map, and carve mapped obstacles that it sees through."""
     line, flat = depth.shape[1], depth.ravel()
     weak, strong, tail_ratio = rules[0], rules[1], rules[2]
@@ -151,9 +159,16 @@ def fold_obstacles(
             bottom, top = lows[i], highs[i]
             if e > 0 and unsure[i] != 0:
                 gone, bottom, top = test_obstacle(
-                    flat, line, depths[:, i], pixels[:, i], widths[:, i], tolerance, bottom, top,
+                    flat,
+                    line,
+                    depths[:, i],
+                    pixels[:, i],
+                    widths[:, i],
+                    tolerance,
+                    bottom,
+                    top,
                     hit > 0,
-                )  # fmt: skip
+                )
                 if gone:
                     e = max(0, e - loss)
             if hit > 0:
@@ -194,10 +209,12 @@ def clear_disc(
     origin,  # (x, y) of the map's corner, m
     cell_m,
     disc,  # (x, y, radius), m
-    evidence, floor_seen, occupancy,  # the whole map
+    evidence,
+    floor_seen,
+    occupancy,  # the whole map
     corner,  # (row, column) of `came_of_it` on the map
     came_of_it,  # uint8 [rows, columns]: gets MEMORY where anything changes
-):  # fmt: skip
+):
     """Set all cells with their centre within a disc to free."""
     for r in range(box[0], box[1]):
         y = origin[1] + (r + 0.5) * cell_m - disc[1]

@@ -295,9 +295,16 @@ def mark_other_reach(offsets, counts, reached, former_offsets, former_reached, o
 
 @njit(cache=True, nogil=True)
 def reach(
-    occupancy, obstacle_count, labels, edges, offsets, components,  # all of it: `ReachableFloor`
-    cell, blind_cells, radius_cells,
-):  # fmt: skip
+    occupancy,
+    obstacle_count,
+    labels,
+    edges,
+    offsets,
+    components,  # all of it: `ReachableFloor`
+    cell,
+    blind_cells,
+    radius_cells,
+):
     """Ground reachable from a cell: uint8 by component, uint8 by cell of a box around the cell, and
     the box's corner (row, column)."""
     size = int(max(blind_cells, radius_cells)) + 1

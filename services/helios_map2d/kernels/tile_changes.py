@@ -22,14 +22,16 @@ def merge_seen(came_of_it, explored):
 
 @njit(cache=True, nogil=True)
 def note_changes(
-    before, searched_before,  # int8, uint8 [rows, columns]: former state of a box of whole tiles
-    occupancy, explored,  # int8, uint8: present state of the whole map
+    before,
+    searched_before,  # int8, uint8 [rows, columns]: former state of a box of whole tiles
+    occupancy,
+    explored,  # int8, uint8: present state of the whole map
     corner,  # (row, column) of the box on the map: a multiple of the tile
     came_of_it,  # uint8 [rows, columns]
     changed,  # uint8 [tile rows, tile columns] out: flags of the changes in each tile
     border,  # uint8 [tile rows + 2, tile columns + 2] out: 1 where frontiers may have changed
     tile,  # cells along the side of a tile
-):  # fmt: skip
+):
     """Sort the changes of a box by tile; `border` begins one tile before the box.
 
     Flags: SEEN_NOW if occupancy or explored area has changed, HEIGHTS and MEMORY as in
@@ -58,13 +60,16 @@ def note_changes(
                 kept |= flags[r, tc, c] & remembered
             changed[tr, tc] |= kept
             lo, hi = 0, tile  # range of the changed cells
-            while lo < tile and (was[r, tc, lo] == is_now[row, at, lo]
-                                 and sought[r, tc, lo] == seeks[row, at, lo]):  # fmt: skip
+            while lo < tile and (
+                was[r, tc, lo] == is_now[row, at, lo] and sought[r, tc, lo] == seeks[row, at, lo]
+            ):
                 lo += 1
             if lo == tile:
                 continue
-            while (was[r, tc, hi - 1] == is_now[row, at, hi - 1]
-                   and sought[r, tc, hi - 1] == seeks[row, at, hi - 1]):  # fmt: skip
+            while (
+                was[r, tc, hi - 1] == is_now[row, at, hi - 1]
+                and sought[r, tc, hi - 1] == seeks[row, at, hi - 1]
+            ):
                 hi -= 1
             changed[tr, tc] |= SEEN_NOW
             border[tr + 1, tc + 1] = 1

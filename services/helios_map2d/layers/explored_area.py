@@ -101,9 +101,12 @@ class ConeVisibility:
         blocked = self._blocked(layer.occupancy, box)
         column, row = (math.floor(v) for v in view.camera_xy_cells)
         seen = seen_of_cone(
-            blocked, (row - box.row_lo, column - box.column_lo), math.atan2(*view.heading[::-1]),
-            view.half_fov_rad, view.max_depth_m / layer.grid.cell_m,
-        )  # fmt: skip
+            blocked,
+            (row - box.row_lo, column - box.column_lo),
+            math.atan2(*view.heading[::-1]),
+            view.half_fov_rad,
+            view.max_depth_m / layer.grid.cell_m,
+        )
         came_of_it &= np.uint8(255 - SEEN_NOW)
         came_of_it[cv2.dilate(seen, np.ones((3, 3), np.uint8)) > 0] |= np.uint8(SEEN_NOW)
         open_cells = (seen > 0) & (blocked == 0)

@@ -141,8 +141,9 @@ class FrontierFinder:
         stale = (rows >= row_lo) & (rows < row_hi) & (columns >= column_lo) & (columns < column_hi)
         which = np.flatnonzero(stale)
         found = list(self._former)
-        for k, near in zip(which.tolist(), self._values_at(self._centres[which], values),
-                           strict=True):  # fmt: skip
+        for k, near in zip(
+            which.tolist(), self._values_at(self._centres[which], values), strict=True
+        ):
             if found[k].values != near:
                 found[k] = replace(found[k], values=near)
         self._former = tuple(found)
@@ -159,9 +160,14 @@ class FrontierFinder:
         least = self.rules.min_size_m / cell_m - 1e-9
         own, starts = cluster_kernels.clusters_of(self._cells, TILE, least)
         ids, same, self.next_id = identity_kernels.match_frontier_ids(
-            own, starts, self._own, self._starts, self._ids,
-            int(self.rules.same_within_m / cell_m), self.next_id,
-        )  # fmt: skip
+            own,
+            starts,
+            self._own,
+            self._starts,
+            self._ids,
+            int(self.rules.same_within_m / cell_m),
+            self.next_id,
+        )
         return own, starts, ids, same
 
     def _reached(

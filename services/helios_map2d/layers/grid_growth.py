@@ -28,10 +28,12 @@ def grown_for(grid: GridSpec, needed: Box, margin: int, most_cells: int) -> Grid
         min(whole.row_lo, spare.row_lo) if wanted.row_lo < whole.row_lo else whole.row_lo,
         max(whole.row_hi, spare.row_hi) if wanted.row_hi > whole.row_hi else whole.row_hi,
         min(whole.column_lo, spare.column_lo)
-        if wanted.column_lo < whole.column_lo else whole.column_lo,
+        if wanted.column_lo < whole.column_lo
+        else whole.column_lo,
         max(whole.column_hi, spare.column_hi)
-        if wanted.column_hi > whole.column_hi else whole.column_hi,
-    )  # fmt: skip
+        if wanted.column_hi > whole.column_hi
+        else whole.column_hi,
+    )
     if max(grown.rows, grown.columns) > most_cells + 2 * (GROWS_BY + TILE):
         cell_m = grid.cell_m
         raise InvalidInput(

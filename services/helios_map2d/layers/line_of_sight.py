@@ -40,7 +40,13 @@ def line_of_sight(
         for x, y, z in (eye_m, point_m)
     ]
     row, _ = frontier_kernels.first_block(
-        z_low_m, z_high_m, occupancy, ends[0], ends[1], target_radius_m / grid.cell_m, margin_m,
+        z_low_m,
+        z_high_m,
+        occupancy,
+        ends[0],
+        ends[1],
+        target_radius_m / grid.cell_m,
+        margin_m,
         ground_m,
-    )  # fmt: skip
+    )
     return row < 0

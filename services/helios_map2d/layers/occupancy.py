@@ -87,9 +87,16 @@ class OccupancyLayer:
             [rules.through_tolerance_m, rules.through_tolerance_ratio], np.float32
         )
         self._counts = np.array(
-            [rules.weak_pixels, rules.strong_pixels, rules.tail_ratio, rules.occupied_evidence,
-             rules.most_evidence, rules.hit_gain, rules.miss_loss]
-        )  # fmt: skip
+            [
+                rules.weak_pixels,
+                rules.strong_pixels,
+                rules.tail_ratio,
+                rules.occupied_evidence,
+                rules.most_evidence,
+                rules.hit_gain,
+                rules.miss_loss,
+            ]
+        )
         # Reused for each frame: fresh memory costs more than the work on it.
         self._active = np.empty((0, 2), np.int32)
         nothing = np.empty(0, np.int32)
@@ -193,10 +200,16 @@ class OccupancyLayer:
         reach = math.ceil(radius_m / self.grid.cell_m)
         box = Box(row, row + 1, column, column + 1).grown(reach, self.grid.whole)
         fuse_kernels.clear_disc(
-            (box.row_lo, box.row_hi, box.column_lo, box.column_hi), self.grid.origin_m,
-            self.grid.cell_m, (x_m, y_m, radius_m), self.evidence, self.floor_seen, self.occupancy,
-            corner, came_of_it,
-        )  # fmt: skip
+            (box.row_lo, box.row_hi, box.column_lo, box.column_hi),
+            self.grid.origin_m,
+            self.grid.cell_m,
+            (x_m, y_m, radius_m),
+            self.evidence,
+            self.floor_seen,
+            self.occupancy,
+            corner,
+            came_of_it,
+        )
 
 
 def intrinsics_of(view: View) -> NDArray[np.float32]:

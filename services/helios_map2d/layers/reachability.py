@@ -94,15 +94,26 @@ class ReachableFloor:
         leave the cells of its own disc even if they are beside an obstacle.
         """
         reached, near, corner = ground_kernels.reach(
-            occupancy, self.obstacle_count, self.labels, self.edges, self._offsets,
-            self._components, cell, blind_cells, self.radius_cells,
-        )  # fmt: skip
+            occupancy,
+            self.obstacle_count,
+            self.labels,
+            self.edges,
+            self._offsets,
+            self._components,
+            cell,
+            blind_cells,
+            self.radius_cells,
+        )
         now = ReachedCells(self._offsets.copy(), reached, near, corner, self._relabelled)
         if self._former is not None:
             ground_kernels.mark_other_reach(
-                now.offsets, self.counts, reached, self._former.offsets, self._former.reached,
+                now.offsets,
+                self.counts,
+                reached,
+                self._former.offsets,
+                self._former.reached,
                 now.changed,
-            )  # fmt: skip
+            )
             for answer in (now, self._former):
                 (row, column), (rows, columns) = answer.near_corner, answer.near.shape
                 box = Box(row, row + rows, column, column + columns)

@@ -85,8 +85,9 @@ class Cone:
         far = self.reach_m[seen] * 1.01  # includes the corners of a bin
         x = self.x_m + np.append((c * forward - s * left) * far, 0.0)
         y = self.y_m + np.append((s * forward + c * left) * far, 0.0)
-        lo_x, hi_x, lo_y, hi_y = (math.floor(v / cell_m)
-                                  for v in (x.min(), x.max(), y.min(), y.max()))  # fmt: skip
+        lo_x, hi_x, lo_y, hi_y = (
+            math.floor(v / cell_m) for v in (x.min(), x.max(), y.min(), y.max())
+        )
         return Box(lo_y - 1, hi_y + 2, lo_x - 1, hi_x + 2)
 
 
@@ -104,12 +105,18 @@ def spread_over(
     """Confidence of a view in each cell of a box of world cells, float32 [rows, columns], 0 in
     unseen cells; and the extent of seen cells: row_lo, row_hi, column_lo, column_hi in the box."""
     out = np.empty((box.rows, box.columns), np.float32)
-    camera_cells = np.array([cone.x_m / cell_m - box.column_lo,
-                             cone.y_m / cell_m - box.row_lo], np.float32)  # fmt: skip
+    camera_cells = np.array(
+        [cone.x_m / cell_m - box.column_lo, cone.y_m / cell_m - box.row_lo], np.float32
+    )
     seen = value_kernels.spread(
-        out, camera_cells, np.array(cone.heading, np.float32), np.float32(cell_m),
-        np.float32(cone.half_fov_rad), np.float32(least_confidence), cone.reach_m,
-    )  # fmt: skip
+        out,
+        camera_cells,
+        np.array(cone.heading, np.float32),
+        np.float32(cell_m),
+        np.float32(cone.half_fov_rad),
+        np.float32(least_confidence),
+        cone.reach_m,
+    )
     return out, seen
 
 
@@ -117,11 +124,15 @@ def cone_of(view: View) -> Cone:
     """Cone of a view, from its measured depth."""
     reach = np.empty(view.azimuth_bins, np.float32)
     value_kernels.farthest_by_azimuth(
-        view.depth_m, view.pixel_step, intrinsics_of(view),
+        view.depth_m,
+        view.pixel_step,
+        intrinsics_of(view),
         np.ascontiguousarray(view.T_world_cam[:2, :3], np.float32),
         np.array(view.heading, np.float32),
-        np.float32(view.min_depth_m), np.float32(view.max_depth_m), reach,
-    )  # fmt: skip
+        np.float32(view.min_depth_m),
+        np.float32(view.max_depth_m),
+        reach,
+    )
     x_m, y_m = view.T_world_cam[:2, 3]
     return Cone(float(x_m), float(y_m), view.heading, view.half_fov_rad, reach)
 
@@ -166,8 +177,9 @@ class ValueLayers:
             layer.value[at], layer.confidence[at] = tile.value, tile.confidence
             rows, columns = np.nonzero(tile.confidence)
             if len(rows):
-                seen = Box(int(rows.min()), int(rows.max()) + 1,
-                           int(columns.min()), int(columns.max()) + 1)  # fmt: skip
+                seen = Box(
+                    int(rows.min()), int(rows.max()) + 1, int(columns.min()), int(columns.max()) + 1
+                )
                 self.box = self.box.union(seen.moved(box.row_lo, box.column_lo))
 
     def integrate(self, cone: Cone, scores: Mapping[str, float]) -> Box:
@@ -198,8 +210,15 @@ class ValueLayers:
         fuse = value_kernels.fuse_average if weighted else value_kernels.fuse_maximum
         for name, score in scores.items():
             layer = self.layers[name]
-            fuse(layer.value, layer.confidence, corner, spread, seen, np.float32(score),
-                 np.float32(self.rules.drop_below))  # fmt: skip
+            fuse(
+                layer.value,
+                layer.confidence,
+                corner,
+                spread,
+                seen,
+                np.float32(score),
+                np.float32(self.rules.drop_below),
+            )
         self.box = self.box.union(changed)
         return changed
 

@@ -30,8 +30,13 @@ ROBOT_RGB: Colour = (28, 84, 196)
 INK_RGB: Colour = (44, 50, 62)
 HALO_RGB: Colour = (255, 255, 255)
 OBJECT_RGB: tuple[Colour, ...] = (
-    (196, 44, 92), (128, 62, 190), (0, 128, 150), (168, 110, 0), (70, 120, 30), (200, 70, 40),
-)  # fmt: skip
+    (196, 44, 92),
+    (128, 62, 190),
+    (0, 128, 150),
+    (168, 110, 0),
+    (70, 120, 30),
+    (200, 70, 40),
+)
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
@@ -65,8 +70,10 @@ class Canvas:
         """Fill the canvas with an RGB picture of the grid's cells."""
         box = self._box
         whole = np.full((box.rows, box.columns, 3), UNKNOWN_RGB, np.uint8)
-        whole[-box.row_lo : -box.row_lo + cells.shape[0],
-              -box.column_lo : -box.column_lo + cells.shape[1]] = cells  # fmt: skip
+        whole[
+            -box.row_lo : -box.row_lo + cells.shape[0],
+            -box.column_lo : -box.column_lo + cells.shape[1],
+        ] = cells
         flat = np.ascontiguousarray(whole[::-1])
         # INTER_AREA averages the cells of one pixel; INTER_NEAREST keeps enlarged cells square.
         how = cv2.INTER_AREA if self.scale < 1 else cv2.INTER_NEAREST

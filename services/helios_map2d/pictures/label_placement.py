@@ -40,8 +40,12 @@ def placed(
 
 def lead(place: Rect, box: Rect) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """Leader line from a label to the centre of its object; None if the label is close to it."""
-    near = (place[0] - 3 * GAP_PX, place[1] - 3 * GAP_PX, place[2] + 3 * GAP_PX,
-            place[3] + 3 * GAP_PX)  # fmt: skip
+    near = (
+        place[0] - 3 * GAP_PX,
+        place[1] - 3 * GAP_PX,
+        place[2] + 3 * GAP_PX,
+        place[3] + 3 * GAP_PX,
+    )
     if _overlap(near, box):
         return None
     u, v = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2

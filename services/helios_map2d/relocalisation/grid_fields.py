@@ -98,9 +98,13 @@ def stored_fields(grid: OccupancyGrid) -> StoredFields | None:
     inside = np.asarray(ndimage.distance_transform_edt(occupancy == OCCUPIED))
     cell = np.float32(grid.cell_m)
     return StoredFields(
-        padded, away.astype(np.float32) * cell, nearest,
-        inside.astype(np.float32) * cell, occupancy == FREE, occupancy != UNKNOWN,
-    )  # fmt: skip
+        padded,
+        away.astype(np.float32) * cell,
+        nearest,
+        inside.astype(np.float32) * cell,
+        occupancy == FREE,
+        occupancy != UNKNOWN,
+    )
 
 
 def _surface(occupancy: NDArray[np.int8]) -> NDArray[np.bool_]:

@@ -72,11 +72,14 @@ def fit_of(stored: StoredFields, present: PresentPoints, T: Transform2) -> Fit:
     score -= CONTRADICTED_FREE_PER_M * blocked.sum() * floor_m2
     n, m = max(int(known.sum()), 1), max(int(floor_known.sum()), 1)
     return Fit(
-        T, float(score), float(known.sum() * weight_m),
+        T,
+        float(score),
+        float(known.sum() * weight_m),
         float(known.mean()) if len(known) else 0.0,
-        float((known & (away < AGREES_M)).sum() / n), float(blocked.sum() / m),
+        float((known & (away < AGREES_M)).sum() / n),
+        float(blocked.sum() / m),
         float(floor_known.sum() * floor_m2),
-    )  # fmt: skip
+    )
 
 
 def _at(

@@ -31,9 +31,14 @@ class Cursor(NamedTuple):
 
 def changes_after(snapshot: MapSnapshot, request: pb.MapChangesRequest) -> pb.MapChanges:
     """Next chunk of changes for a viewer; see `MapChangesRequest` and `MapChanges`."""
-    out = pb.MapChanges(map_id=snapshot.map_id, version=snapshot.version, tile_cells=TILE,
-                        cell_m=snapshot.grid.cell_m, context_id=snapshot.context_id,
-                        layers=list(snapshot.layers))  # fmt: skip
+    out = pb.MapChanges(
+        map_id=snapshot.map_id,
+        version=snapshot.version,
+        tile_cells=TILE,
+        cell_m=snapshot.grid.cell_m,
+        context_id=snapshot.context_id,
+        layers=list(snapshot.layers),
+    )
     after = Cursor()
     if request.map_id == snapshot.map_id and request.after.version <= snapshot.version:
         at = request.after
@@ -58,11 +63,15 @@ def frontier_messages(snapshot: MapSnapshot) -> list[pb.Frontier]:
     """Messages of the frontiers."""
     return [
         pb.Frontier(
-            id=f.id, x_m=f.centre_m[0], y_m=f.centre_m[1], size_m=f.size_m, values=dict(f.values),
+            id=f.id,
+            x_m=f.centre_m[0],
+            y_m=f.centre_m[1],
+            size_m=f.size_m,
+            values=dict(f.values),
             reachable=f.reachable,
         )
         for f in snapshot.frontiers
-    ]  # fmt: skip
+    ]
 
 
 def _order(snapshot: MapSnapshot, layers: bool) -> Iterator[Cursor]:

@@ -80,15 +80,19 @@ class MapSnapshot:
     @cached_property
     def z_low_m(self) -> NDArray[np.float32]:
         """Height of the lowest obstacle, 0 where not occupied."""
-        parts = [(t, np.where(g.occupancy == OCCUPIED, g.z_low_m, np.float32(0)))
-                 for t, g in self.ground.items()]  # fmt: skip
+        parts = [
+            (t, np.where(g.occupancy == OCCUPIED, g.z_low_m, np.float32(0)))
+            for t, g in self.ground.items()
+        ]
         return assembled(parts, self.grid)
 
     @cached_property
     def z_high_m(self) -> NDArray[np.float32]:
         """Height of the highest obstacle, 0 where not occupied."""
-        parts = [(t, np.where(g.occupancy == OCCUPIED, g.z_high_m, np.float32(0)))
-                 for t, g in self.ground.items()]  # fmt: skip
+        parts = [
+            (t, np.where(g.occupancy == OCCUPIED, g.z_high_m, np.float32(0)))
+            for t, g in self.ground.items()
+        ]
         return assembled(parts, self.grid)
 
     @cached_property
@@ -100,18 +104,22 @@ class MapSnapshot:
     @cached_property
     def values(self) -> Mapping[str, NDArray[np.float32]]:
         """Values by layer, 0 in unseen cells."""
-        return MappingProxyType({
-            name: assembled([(t, v.value) for t, v in tiles.items()], self.grid)
-            for name, tiles in self.layers.items()
-        })  # fmt: skip
+        return MappingProxyType(
+            {
+                name: assembled([(t, v.value) for t, v in tiles.items()], self.grid)
+                for name, tiles in self.layers.items()
+            }
+        )
 
     @cached_property
     def confidences(self) -> Mapping[str, NDArray[np.float32]]:
         """Confidences by layer, 0 in unseen cells."""
-        return MappingProxyType({
-            name: assembled([(t, v.confidence) for t, v in tiles.items()], self.grid)
-            for name, tiles in self.layers.items()
-        })  # fmt: skip
+        return MappingProxyType(
+            {
+                name: assembled([(t, v.confidence) for t, v in tiles.items()], self.grid)
+                for name, tiles in self.layers.items()
+            }
+        )
 
     def line_of_sight(
         self, eye_m: tuple[float, float, float], point_m: tuple[float, float, float]
@@ -143,13 +151,14 @@ def about(snapshot: MapSnapshot) -> dict[str, object]:
     return {
         "map_id": snapshot.map_id,
         "version": snapshot.version,
-        "frame_id": None if frame_id is None else
-        [frame_id.robot_boot_id, frame_id.world_epoch, frame_id.seq],
+        "frame_id": None
+        if frame_id is None
+        else [frame_id.robot_boot_id, frame_id.world_epoch, frame_id.seq],
         "stamp_ns": snapshot.stamp_ns,
         "context_id": snapshot.context_id,
         "grid": _grid_json(snapshot.grid),
         "robot_pose": snapshot.robot_pose,
-    }  # fmt: skip
+    }
 
 
 def encode_npz(snapshot: MapSnapshot) -> bytes:
@@ -158,8 +167,10 @@ def encode_npz(snapshot: MapSnapshot) -> bytes:
     Layers are `value_<name>` and `confidence_<name>`; frontier cells are `frontier_cells` int32
     [n, 3] (index of the frontier, row, column of the world cell).
     """
-    cells = [np.column_stack([np.full(len(f.cells), k), f.cells])
-             for k, f in enumerate(snapshot.frontiers)]  # fmt: skip
+    cells = [
+        np.column_stack([np.full(len(f.cells), k), f.cells])
+        for k, f in enumerate(snapshot.frontiers)
+    ]
     meta = {
         **about(snapshot),
         "next_frontier_id": snapshot.next_frontier_id,
@@ -208,8 +219,10 @@ def decode_npz(data: bytes, version: int | None = None) -> MapSnapshot:
 def _decoded(arrays: dict[str, NDArray], meta: dict, version: int | None) -> MapSnapshot:
     grid = _grid_of(meta["grid"])
     names = meta["layers"]
-    layered = {name: (arrays[f"value_{_key(name, k)}"], arrays[f"confidence_{_key(name, k)}"])
-               for k, name in enumerate(names)}  # fmt: skip
+    layered = {
+        name: (arrays[f"value_{_key(name, k)}"], arrays[f"confidence_{_key(name, k)}"])
+        for k, name in enumerate(names)
+    }
     plain = ("occupancy", "explored", "explored_for_search", "z_low_m", "z_high_m")
     over_grid = [arrays[name] for name in plain]
     for array in [*over_grid, *(a for pair in layered.values() for a in pair)]:
@@ -232,8 +245,9 @@ def _decoded(arrays: dict[str, NDArray], meta: dict, version: int | None) -> Map
         )
         for k, f in enumerate(meta["frontiers"])
     )
-    head = pb.KeptMap(map_id=meta["map_id"], stamp_ns=meta["stamp_ns"],
-                      context_id=meta["context_id"])  # fmt: skip
+    head = pb.KeptMap(
+        map_id=meta["map_id"], stamp_ns=meta["stamp_ns"], context_id=meta["context_id"]
+    )
     if meta["frame_id"] is not None:
         boot_id, epoch, seq = meta["frame_id"]
         head.id.CopyFrom(pb.FrameId(robot_boot_id=boot_id, world_epoch=epoch, seq=seq))
@@ -276,13 +290,19 @@ def ground_of(
     return MappingProxyType(
         {
             tile: GroundTile(
-                tile, version, version, what[tile], seen[tile], low[tile], high[tile],
+                tile,
+                version,
+                version,
+                what[tile],
+                seen[tile],
+                low[tile],
+                high[tile],
                 np.where(what[tile] == OCCUPIED, EVIDENCE, 0).astype(np.uint8),
                 (what[tile] == FREE).astype(np.uint8),
             )
             for tile in what
         }
-    )  # fmt: skip
+    )
 
 
 def values_of(
@@ -302,11 +322,17 @@ def _key(name: str, index: int) -> str:
 
 
 def _grid_json(grid: GridSpec) -> dict[str, object]:
-    return {"cell_m": grid.cell_m, "rows": grid.rows, "columns": grid.columns,
-            "corner": list(grid.corner), "origin_m": list(grid.origin_m)}  # fmt: skip
+    return {
+        "cell_m": grid.cell_m,
+        "rows": grid.rows,
+        "columns": grid.columns,
+        "corner": list(grid.corner),
+        "origin_m": list(grid.origin_m),
+    }
 
 
 def _grid_of(raw: dict) -> GridSpec:
     row, column = raw["corner"]
-    return GridSpec(float(raw["cell_m"]), int(raw["rows"]), int(raw["columns"]),
-                    (int(row), int(column)))  # fmt: skip
+    return GridSpec(
+        float(raw["cell_m"]), int(raw["rows"]), int(raw["columns"]), (int(row), int(column))
+    )

@@ -53,9 +53,14 @@ class PublishedTiles:
         old = self._ground.get(place)
         seen_version = version if shown or old is None else old.version
         self._ground[place] = ground_tile(
-            occupancy, search.explored, place, seen_version, version,
-            None if shown else old, None if heights else old,
-        )  # fmt: skip
+            occupancy,
+            search.explored,
+            place,
+            seen_version,
+            version,
+            None if shown else old,
+            None if heights else old,
+        )
 
     def retile_known(
         self, box: Box, occupancy: OccupancyLayer, search: ExploredArea, version: int

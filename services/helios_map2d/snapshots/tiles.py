@@ -62,11 +62,15 @@ class GroundTile:
         """Complete tile for files: a serialised `KeptMap` of this tile alone. Serialised messages
         laid end to end read as one message."""
         tile = pb.KeptTile(
-            row=self.place[0], column=self.place[1],
-            occupancy=packed(self.occupancy), searched=packed(self.searched),
-            z_low_m=packed(self.z_low_m.astype("<f4")), evidence=packed(self.evidence),
-            z_high_m=packed(self.z_high_m.astype("<f4")), floor_seen=packed(self.floor_seen),
-        )  # fmt: skip
+            row=self.place[0],
+            column=self.place[1],
+            occupancy=packed(self.occupancy),
+            searched=packed(self.searched),
+            z_low_m=packed(self.z_low_m.astype("<f4")),
+            evidence=packed(self.evidence),
+            z_high_m=packed(self.z_high_m.astype("<f4")),
+            floor_seen=packed(self.floor_seen),
+        )
         return pb.KeptMap(ground=[tile]).SerializeToString()
 
 
@@ -89,10 +93,12 @@ class ValueTile:
     def kept(self) -> bytes:
         """Tile for files: a serialised `KeptMap` of this tile alone."""
         tile = pb.KeptValues(
-            row=self.place[0], column=self.place[1], layer=self.layer,
+            row=self.place[0],
+            column=self.place[1],
+            layer=self.layer,
             value=packed(self.value.astype("<f4")),
             confidence=packed(self.confidence.astype("<f4")),
-        )  # fmt: skip
+        )
         return pb.KeptMap(values=[tile]).SerializeToString()
 
 
@@ -122,9 +128,16 @@ def ground_tile(
     else:
         low_m, high_m = same_heights.z_low_m, same_heights.z_high_m
     return GroundTile(
-        place, version, revision, occupancy, looked, low_m, high_m,
-        frozen(layer.evidence[at]), frozen(layer.floor_seen[at]),
-    )  # fmt: skip
+        place,
+        version,
+        revision,
+        occupancy,
+        looked,
+        low_m,
+        high_m,
+        frozen(layer.evidence[at]),
+        frozen(layer.floor_seen[at]),
+    )
 
 
 def value_tile(
@@ -138,19 +151,27 @@ def value_tile(
 def read_ground(message: pb.KeptTile, version: int) -> GroundTile:
     """Tile that `GroundTile.kept` wrote. Raises InvalidInput if it is damaged."""
     return GroundTile(
-        (message.row, message.column), version, version,
-        unpacked(message.occupancy, "<i1"), unpacked(message.searched, "<u1"),
-        unpacked(message.z_low_m, "<f4"), unpacked(message.z_high_m, "<f4"),
-        unpacked(message.evidence, "<u1"), unpacked(message.floor_seen, "<u1"),
-    )  # fmt: skip
+        (message.row, message.column),
+        version,
+        version,
+        unpacked(message.occupancy, "<i1"),
+        unpacked(message.searched, "<u1"),
+        unpacked(message.z_low_m, "<f4"),
+        unpacked(message.z_high_m, "<f4"),
+        unpacked(message.evidence, "<u1"),
+        unpacked(message.floor_seen, "<u1"),
+    )
 
 
 def read_values(message: pb.KeptValues, version: int) -> ValueTile:
     """Tile that `ValueTile.kept` wrote. Raises InvalidInput if it is damaged."""
     return ValueTile(
-        (message.row, message.column), message.layer, version,
-        unpacked(message.value, "<f4"), unpacked(message.confidence, "<f4"),
-    )  # fmt: skip
+        (message.row, message.column),
+        message.layer,
+        version,
+        unpacked(message.value, "<f4"),
+        unpacked(message.confidence, "<f4"),
+    )
 
 
 def assembled(tiles: Iterable[tuple[Tile, NDArray]], grid: GridSpec, fill: float = 0) -> NDArray:

@@ -45,7 +45,8 @@ def _place(
     if not len(v):
         return None
     z, camera = depth_m[v, u].astype(np.float64), frame.camera
-    points_cam = np.stack([(u + x0 - camera.cx) / camera.fx * z,
-                           (v + y0 - camera.cy) / camera.fy * z, z])  # fmt: skip
+    points_cam = np.stack(
+        [(u + x0 - camera.cx) / camera.fx * z, (v + y0 - camera.cy) / camera.fy * z, z]
+    )
     x, y = frame.T_world_cam[:2, :3] @ points_cam + frame.T_world_cam[:2, 3:]
     return float(np.median(x)), float(np.median(y))

@@ -114,9 +114,15 @@ def place_message(answer: Answer) -> pb.SeenPlace:
         x_m=view.cone.x_m, y_m=view.cone.y_m, yaw_rad=math.atan2(heading[1], heading[0])
     )
     return pb.SeenPlace(
-        id=frame_id_to_proto(view.id), stamp_ns=view.stamp_ns, score=answer.score, camera=camera,
-        x_m=answer.at_m[0], y_m=answer.at_m[1], jpeg=view.jpeg, class_name=answer.class_name,
-    )  # fmt: skip
+        id=frame_id_to_proto(view.id),
+        stamp_ns=view.stamp_ns,
+        score=answer.score,
+        camera=camera,
+        x_m=answer.at_m[0],
+        y_m=answer.at_m[1],
+        jpeg=view.jpeg,
+        class_name=answer.class_name,
+    )
 
 
 def _alike(one: Answer, other: Answer) -> bool:

@@ -118,8 +118,13 @@ def read_view(message: pb.KeptView) -> SeenView:
     turned = abs(math.hypot(message.heading_x, message.heading_y) - 1)
     far_m = max(abs(message.x_m), abs(message.y_m))
     least_m, most_m = reach.min(initial=0.0), reach.max(initial=0.0)
-    if (turned > 1e-3 or far_m > FARTHEST_M or not 0 < message.half_fov_rad <= math.pi
-            or least_m < 0 or most_m > FARTHEST_SEEN_M):  # fmt: skip
+    if (
+        turned > 1e-3
+        or far_m > FARTHEST_M
+        or not 0 < message.half_fov_rad <= math.pi
+        or least_m < 0
+        or most_m > FARTHEST_SEEN_M
+    ):
         raise InvalidInput(
             f"a kept view at ({message.x_m:g}, {message.y_m:g}) m has the heading "
             f"({message.heading_x:g}, {message.heading_y:g}), half a field of view of "
@@ -129,15 +134,20 @@ def read_view(message: pb.KeptView) -> SeenView:
     whole = np.zeros(message.bins, np.float32)
     whole[message.first_bin : message.first_bin + len(reach)] = reach
     cone = Cone(
-        message.x_m, message.y_m, (message.heading_x, message.heading_y), message.half_fov_rad,
+        message.x_m,
+        message.y_m,
+        (message.heading_x, message.heading_y),
+        message.half_fov_rad,
         whole,
-    )  # fmt: skip
+    )
     return SeenView(
-        frame_id_from_proto(message.id), message.stamp_ns, cone,
+        frame_id_from_proto(message.id),
+        message.stamp_ns,
+        cone,
         embedding_from_proto(message.embedding) if message.HasField("embedding") else None,
         message.jpeg,
         tuple(DetectedClass(s.class_name, s.score, s.x_m, s.y_m) for s in message.named),
-    )  # fmt: skip
+    )
 
 
 class ViewMemory:
@@ -191,6 +201,7 @@ def small_picture(color: NDArray[np.uint8]) -> bytes:
     scale = min(1.0, PICTURE_PX / max(height, width))
     size = (max(1, round(width * scale)), max(1, round(height * scale)))
     small = cv2.resize(color, size, interpolation=cv2.INTER_AREA)
-    _, data = cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR),
-                           [cv2.IMWRITE_JPEG_QUALITY, 80])  # fmt: skip
+    _, data = cv2.imencode(
+        ".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 80]
+    )
     return data.tobytes()

@@ -57,9 +57,10 @@ def read(
     threshold = {c.name: c.threshold for c in classes}
     # Small masks are painted last, so that a table does not cover the mug on it.
     counted = (
-        d for d in observation.detections
+        d
+        for d in observation.detections
         if d.class_name in number and d.score >= threshold[d.class_name]
-    )  # fmt: skip
+    )
 
     def order(d: Detection) -> tuple[int, float, str, tuple[float, ...]]:
         least_first = d.score if by_score else 0.0

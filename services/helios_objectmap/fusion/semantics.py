@@ -117,9 +117,15 @@ def accumulate(
     """
     took = np.empty(len(rows), np.int64)
     n = accumulate_kernel(
-        rows, kappa, np.array(columns, np.int64), weights, np.float32(alpha_cpa),
-        store.class_evidence, store.total_evidence, took,
-    )  # fmt: skip
+        rows,
+        kappa,
+        np.array(columns, np.int64),
+        weights,
+        np.float32(alpha_cpa),
+        store.class_evidence,
+        store.total_evidence,
+        took,
+    )
     return took[:n]
 
 

@@ -92,8 +92,9 @@ class PastViews:
         if n == most:  # the first view drops out
             n -= 1
             self._T_world_cam[:n], self._half_angles[:n] = (
-                self._T_world_cam[1 : n + 1].copy(), self._half_angles[1 : n + 1].copy()
-            )  # fmt: skip
+                self._T_world_cam[1 : n + 1].copy(),
+                self._half_angles[1 : n + 1].copy(),
+            )
         elif n == len(self._T_world_cam):
             more = max(n, 16)
             self._T_world_cam = np.concatenate([self._T_world_cam, np.empty((more, 4, 4))])

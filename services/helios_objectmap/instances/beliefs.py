@@ -104,9 +104,13 @@ class InstanceBeliefs:
         likely = thing.probabilities | {thing.class_name: now.class_score}
         rest = 1 - sum(p for name, p in likely.items() if name != "other")
         return replace(
-            thing, score=now.psi, class_score=now.class_score, uncertainty=now.uncertainty,
-            probabilities=likely | {"other": max(0.0, rest)}, image_text_nats=nats,
-        )  # fmt: skip
+            thing,
+            score=now.psi,
+            class_score=now.class_score,
+            uncertainty=now.uncertainty,
+            probabilities=likely | {"other": max(0.0, rest)},
+            image_text_nats=nats,
+        )
 
     def score(self, label: int) -> Score | None:
         """Score of an instance; None if it is too small to be reported."""
@@ -175,18 +179,29 @@ class InstanceBeliefs:
         if counted == trust:
             return belief
         return with_trust(
-            belief, self._store, class_name, s.prior_concentration, self._classes.prior_classes,
-            s.alpha_cs, counted,
-        )  # fmt: skip
+            belief,
+            self._store,
+            class_name,
+            s.prior_concentration,
+            self._classes.prior_classes,
+            s.alpha_cs,
+            counted,
+        )
 
     def _believed(
         self, rows: NDArray[np.integer], class_name: str, names: list[str], trust: float
     ) -> Belief:
         s = self._settings
         return believed(
-            self._store, rows, class_name, names, s.prior_concentration,
-            self._classes.prior_classes, s.alpha_cs, trust,
-        )  # fmt: skip
+            self._store,
+            rows,
+            class_name,
+            names,
+            s.prior_concentration,
+            self._classes.prior_classes,
+            s.alpha_cs,
+            trust,
+        )
 
     def _trust(self, label: int) -> float:
         """Estimated share of true detections of an instance, learnt from earlier detections of its

@@ -245,9 +245,11 @@ class Voxels:
         component = [number[of_part[k]] for k in part]
         component += [number[of_part[parts[0]]] for parts in beside.values()]
         labels, next_label = relabel(
-            np.array(component, np.int64), np.array(former, np.int32), np.array(counts, np.int64),
+            np.array(component, np.int64),
+            np.array(former, np.int32),
+            np.array(counts, np.int64),
             next_label,
-        )  # fmt: skip
+        )
         self._take(list(part_of), list(beside), loose, former, labels.tolist(), change)
         return next_label
 

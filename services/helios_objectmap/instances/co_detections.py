@@ -63,10 +63,12 @@ class CoDetections:
         keys, of_point = distinct(voxel_keys(points, self.voxel_m))
         first = offset(stride) + stride * offset(coarse)
         mask_pixel = (slice(first, None, stride * coarse),) * 2
-        inside = np.array([
-            np.bincount(of_point, d.mask[mask_pixel][seen], len(keys))
-            for d in detections[:MOST_DETECTIONS]
-        ]).reshape(-1, len(keys))  # fmt: skip
+        inside = np.array(
+            [
+                np.bincount(of_point, d.mask[mask_pixel][seen], len(keys))
+                for d in detections[:MOST_DETECTIONS]
+            ]
+        ).reshape(-1, len(keys))
         pixels = np.bincount(of_point, minlength=len(keys))
         covers = inside >= np.maximum(COVERED * pixels, OF_MOST * inside.max(axis=0, initial=0.0))
         bits = np.left_shift(np.uint64(1), np.arange(len(inside), dtype=np.uint64))
@@ -84,9 +86,15 @@ class CoDetections:
         around = keys[mine, None] + STEPS
         beside = self._numbers.known(around.ravel()).reshape(around.shape)
         changed = part_kernel(
-            rows[mine], beside, SHARED_FROM, OFTEN_FROM, self._views, self._shown, self._together,
+            rows[mine],
+            beside,
+            SHARED_FROM,
+            OFTEN_FROM,
+            self._views,
+            self._shown,
+            self._together,
             self._apart,
-        )  # fmt: skip
+        )
         return np.union1d(keys[mine][changed.any(axis=1)], around[changed])
 
     def keep_apart(self, keys: NDArray[np.integer], labels: NDArray[np.integer]) -> None:

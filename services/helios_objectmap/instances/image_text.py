@@ -161,7 +161,7 @@ class ImageTextScores:
             "sector": (cell % SECTORS).astype(np.int8),
             "class": np.repeat(np.arange(len(names), dtype=np.int16), [len(r) for r in rows]),
             "sums": np.concatenate([np.empty((0, 2), np.float32), *rows]),
-        }  # fmt: skip
+        }
 
     def add_arrays(self, arrays: Mapping[str, NDArray], T_here_there: Matrix | None = None) -> None:
         """Add scores that `arrays` returned. T_here_there: their place in this frame, kept to the
@@ -204,8 +204,9 @@ class ImageTextScores:
             log.warning(
                 "image-text scores fill %s of %s: views that show more of the home add no scores "
                 "from now on; to begin anew, run `helios map reset`",
-                counted(len(self._voxels), "voxel"), counted(len(self._scores), "class", "classes"),
-            )  # fmt: skip
+                counted(len(self._voxels), "voxel"),
+                counted(len(self._scores), "class", "classes"),
+            )
 
     def _has_room(self, new_voxels: int, names: Iterable[str]) -> bool:
         classes = self._scores.keys() | set(names)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +18,14 @@ from numpy.typing import NDArray
 from helios_objectmap.camera import View
 from helios_objectmap.fusion import viewing_sectors
 from helios_objectmap.fusion.semantics import concentration_of, entropy, marginal, score
+from helios_objectmap.gaussians import GaussianStore
 from helios_objectmap.instances.image_text import with_evidence
 from helios_objectmap.rendering.renderer_interface import Project
+from helios_objectmap.settings import ObjectMapSettings
 
 Float32 = NDArray[np.float32]
 
-
+EVEN = 0.5  # share of the expected evidence for "other" in the 50-50 variant
 COVERAGE_STEPS = 64  # resolution of a rendered label
 
 
@@ -46,6 +49,21 @@ class InstanceEvidence:
     total_evidence: Float32  # [n] all evidence of the views that searched for the wanted class
     votes_so_far: NDArray[np.uint16] | None = None  # [n, sectors] for the wanted class
 
+    @classmethod
+    def of(
+        cls, store: GaussianStore, rows: NDArray[np.integer], columns: Sequence[int], column: int
+    ) -> Self:
+        """Evidence of some rows of the map for the classes of `columns`; `column`: the wanted one.
+        Without votes, if the map keeps none."""
+        return cls(
+            store.means[rows],
+            store.radius_m[rows],
+            store.opacity[rows],
+            store.class_evidence[rows][:, columns],
+            store.total_evidence[rows, column],
+            store.votes[rows, column, :, 1] if store.votes.shape[2] else None,
+        )
+
 
 @dataclass(frozen=True)
 class EvidenceParameters:
@@ -59,6 +77,24 @@ class EvidenceParameters:
     trust: float = 1.0  # share of the evidence for the wanted class that counts
     side_views: float = 1.0  # with votes: views of a sector until it counts in full
     image_text_nats: float = 0.0  # log-likelihood ratio by image-text scores, in the score
+
+    @classmethod
+    def of(
+        cls, settings: ObjectMapSettings, trust: float, other: float | None, image_text_nats: float
+    ) -> Self:
+        """Weights by the settings. `other`: None for the settings' own assumption."""
+        if other is None:
+            other = EVEN if settings.assumption == "50-50" else 0.0
+        return cls(
+            settings.prior_concentration,
+            settings.alpha_side if settings.by_sides else settings.alpha_cpa,
+            settings.alpha_cs,
+            other,
+            settings.prior_classes,
+            trust,
+            settings.side_views,
+            image_text_nats,
+        )
 
 
 @dataclass(frozen=True)
@@ -157,8 +193,9 @@ def what_if(
     *alone, joint = (
         replace(outcome, pixels=shown)
         for outcome, shown in zip(
-            expected(member, wanted, [*kappas, together], rates), [*pixels, sum(pixels)],
+            expected(member, wanted, [*kappas, together], rates),
+            [*pixels, sum(pixels)],
             strict=True,
         )
-    )  # fmt: skip
+    )
     return alone, joint

@@ -85,9 +85,11 @@ class NameRates:
         independent = 1 / (1 + errors.sides_correlate * max(total - 1, 0.0))
         named, unnamed = math.log(hit / mistaken), math.log((1 - hit) / (1 - mistaken))
         support = self.weight @ (unnamed + self.rate * (named - unnamed)) * independent
-        mine = float(support[self.names.index(own)]) if own in self.names else (
-            total * unnamed * independent
-        )  # fmt: skip
+        mine = (
+            float(support[self.names.index(own)])
+            if own in self.names
+            else (total * unnamed * independent)
+        )
         others = [(n, s) for n, s in zip(self.names, support, strict=True) if n != own]
         odds = sum(errors.rival * prior(n) * math.exp(min(s - mine, 50.0)) for n, s in others)
         return 1 / (1 + odds)
@@ -182,10 +184,12 @@ class NameSightings:
     def arrays(self) -> dict[str, NDArray]:
         """Copies of all views and detections."""
         return {
-            "names": np.array(list(self._names), np.str_), "name": self._name.values.copy(),
-            "view": self._view.values.copy(), "size": self._size.values.copy(),
+            "names": np.array(list(self._names), np.str_),
+            "name": self._name.values.copy(),
+            "view": self._view.values.copy(),
+            "size": self._size.values.copy(),
             "eye_m": np.array(self._eye_m).reshape(-1, 3),
-        } | self._entries.arrays()  # fmt: skip
+        } | self._entries.arrays()
 
     def add_arrays(self, arrays: Mapping[str, NDArray], T_here_there: Matrix | None = None) -> None:
         """Add views that `arrays` returned. T_here_there: their place in this frame; None: the same
@@ -281,9 +285,14 @@ class NameSightings:
         ids = np.empty(len(overlap), np.int32)
         stamps = np.zeros(len(entries.voxels), np.bool_)
         n_voxels, n = overlap_kernel(
-            voxels, stamps, entries.newest.values, entries.before.values,
-            entries.columns["detection"].values, overlap, ids,
-        )  # fmt: skip
+            voxels,
+            stamps,
+            entries.newest.values,
+            entries.before.values,
+            entries.columns["detection"].values,
+            overlap,
+            ids,
+        )
         ids = np.sort(ids[:n])
         alike = np.array(self._furniture, np.bool_) == _is_furniture(class_name)
         views, of_view, of_name = (np.empty(n, np.int32) for _ in range(3))

@@ -169,9 +169,11 @@ class InstanceRegistry:
         former = store.instance[rows]
         separations = self._separations_of(group.class_name, voxel_m)
         labels, self.next_label = relabel(
-            components(store.means[rows], voxel_m, separations), former,
-            np.ones(len(rows), np.int64), self.next_label,
-        )  # fmt: skip
+            components(store.means[rows], voxel_m, separations),
+            former,
+            np.ones(len(rows), np.int64),
+            self.next_label,
+        )
         if not np.array_equal(labels, former):
             ancestors: dict[int, set[int]] = {}
             for pair in distinct((labels.astype(np.int64) << 32) | former)[0].tolist():

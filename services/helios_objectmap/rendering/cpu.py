@@ -88,9 +88,16 @@ class CpuProjection:
         merged_offsets_kernel(number, self.offsets, self.entries, more.offsets, offsets)
         entries = np.empty(int(offsets[-1]), np.int32)
         merge_kernel(
-            splats, number, self.offsets, self.entries, n_kept, more.offsets, more.entries,
-            offsets, entries,
-        )  # fmt: skip
+            splats,
+            number,
+            self.offsets,
+            self.entries,
+            n_kept,
+            more.offsets,
+            more.entries,
+            offsets,
+            entries,
+        )
         return CpuProjection(self.width, self.height, rows, splats, offsets, entries)
 
 
@@ -111,12 +118,18 @@ def project(
     visible = np.empty(n, np.int32)
     f4 = np.float32
     count = project_kernel(
-        rows, means, radius_m, opacity, np.ascontiguousarray(view.T_cam_world, np.float32),
+        rows,
+        means,
+        radius_m,
+        opacity,
+        np.ascontiguousarray(view.T_cam_world, np.float32),
         (f4(view.fx), f4(view.fy), f4(view.cx), f4(view.cy)),
         (width, height),
         (f4(NEAR_M), f4(far_m), f4(LOW_PASS_PX2)),
-        splats, tiles, visible,
-    )  # fmt: skip
+        splats,
+        tiles,
+        visible,
+    )
     splats, tiles = splats[:count], tiles[:count]
     order = np.empty(count, np.int32)
     depth_order_kernel(splats, order)

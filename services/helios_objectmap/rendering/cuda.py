@@ -136,9 +136,16 @@ class CudaProjection:
     def _rasterized(self, channels: Tensor) -> tuple[Tensor, Tensor]:
         """Channels [k, c] blended to an image [h, w, c], and the coverage [h, w]."""
         blended, coverage = _gsplat().rasterize_to_pixels(
-            (self.splats.uv + _HALF_PIXEL)[None], self.splats.conics[None], channels[None],
-            self.splats.opacity[None], self.width, self.height, TILE, self.offsets, self.entries,
-        )  # fmt: skip
+            (self.splats.uv + _HALF_PIXEL)[None],
+            self.splats.conics[None],
+            channels[None],
+            self.splats.opacity[None],
+            self.width,
+            self.height,
+            TILE,
+            self.offsets,
+            self.entries,
+        )
         return blended[0], coverage[0, ..., 0]
 
 
@@ -169,10 +176,15 @@ def _projection(splats: Splats, width: int, height: int) -> CudaProjection:
         if len(splats.rows):
             offsets, entries = _tiles(splats, width, height)
     return CudaProjection(
-        width, height,
-        splats.rows.to(torch.int32).cpu().numpy(), splats.depth_m.cpu().numpy(),
-        splats.uv.cpu().numpy(), splats, offsets, entries,
-    )  # fmt: skip
+        width,
+        height,
+        splats.rows.to(torch.int32).cpu().numpy(),
+        splats.depth_m.cpu().numpy(),
+        splats.uv.cpu().numpy(),
+        splats,
+        offsets,
+        entries,
+    )
 
 
 def _tiles(splats: Splats, width: int, height: int) -> tuple[Tensor, Tensor]:
@@ -227,9 +239,14 @@ def splats_of(
     determinant = variance[k].prod(dim=1) - covariance[k] ** 2
     conics = torch.stack([variance[k, 1], -covariance[k], variance[k, 0]], dim=1)
     return Splats(
-        torch.from_numpy(rows.astype(np.int64)).to(device)[k], uv[k],
-        conics / determinant[:, None], half[k], depth[k], strength[k], radius[k],
-    )  # fmt: skip
+        torch.from_numpy(rows.astype(np.int64)).to(device)[k],
+        uv[k],
+        conics / determinant[:, None],
+        half[k],
+        depth[k],
+        strength[k],
+        radius[k],
+    )
 
 
 def tie_order(splats: Splats) -> Tensor:

@@ -242,9 +242,16 @@ def raster_kernel(splats, features, offsets, entries, depth_m, coverage, blended
             t = tile_y * tiles_x + tile_x
             if n_features == 0:
                 _blend_depth_of_tile(
-                    splats, entries, offsets[t], offsets[t + 1], tile_x * TILE, tile_y * TILE,
-                    light, band, stride,
-                )  # fmt: skip
+                    splats,
+                    entries,
+                    offsets[t],
+                    offsets[t + 1],
+                    tile_x * TILE,
+                    tile_y * TILE,
+                    light,
+                    band,
+                    stride,
+                )
             else:
                 _blend_tile(
                     splats, features, n_features, entries, offsets[t], offsets[t + 1],

@@ -131,7 +131,9 @@ def act_or_look(
     `anywhere`, only candidates in the named place count; the record lists all."""
     candidates = tuple(
         Candidate(
-            kind, t.instance.class_name, position_of(t.instance),
+            kind,
+            t.instance.class_name,
+            position_of(t.instance),
             {
                 "class_score": t.instance.class_score,
                 "uncertainty": t.instance.uncertainty,
@@ -148,7 +150,7 @@ def act_or_look(
             t.instance.id,
         )
         for t in things
-    )  # fmt: skip
+    )
     settings = {"threshold": threshold, "tau_inc": tau_inc, "anywhere": float(anywhere)}
     sure = [  # eq. 7 against tau
         k for k, t in enumerate(things) if t.total >= threshold and (anywhere or t.in_place)
@@ -175,10 +177,15 @@ def best_view(
 ) -> Decision:
     """Decision for the gaze point with the highest expected score (section 3.2)."""
     candidates = tuple(
-        Candidate("gaze", f"view {k + 1} of {instance.class_name}", (*xy, 0.0),
-                  {"score_after_view": s, "total": s}, k)
+        Candidate(
+            "gaze",
+            f"view {k + 1} of {instance.class_name}",
+            (*xy, 0.0),
+            {"score_after_view": s, "total": s},
+            k,
+        )
         for k, (s, xy) in enumerate(zip(scores, poses, strict=True))
-    )  # fmt: skip
+    )
     k = best_of(candidates)
     why = explanations.best_view(instance.class_name, instance.score, candidates, k)
     return Decision(DecisionRule.BEST_VIEW, Do.LOOK, candidates, k, why)
@@ -191,11 +198,14 @@ def try_unnamed(
     the hand. things: likeliest first, at least one."""
     candidates = tuple(
         Candidate(
-            "object", name, position_of(thing),
-            {"score": thing.score, "distance_m": distance_m, "total": thing.score}, thing.id,
+            "object",
+            name,
+            position_of(thing),
+            {"score": thing.score, "distance_m": distance_m, "total": thing.score},
+            thing.id,
         )
         for thing, distance_m in zip(things, distances_m, strict=True)
-    )  # fmt: skip
+    )
     why = explanations.try_unnamed(name, start, candidates)
     return Decision(DecisionRule.UNNAMED, Do.ACT, candidates, 0, why)
 
@@ -206,29 +216,38 @@ def check_in_hand(
     """Decision to keep the picked object or to put it back, by what its sides look like. kept_why:
     reason to keep it all the same."""
     terms = _scores(thing) | {
-        "probability": held.probability, "sides": float(held.sides),
-        "own_share": held.share(thing.class_name), "total": held.probability,
-    }  # fmt: skip
+        "probability": held.probability,
+        "sides": float(held.sides),
+        "own_share": held.share(thing.class_name),
+        "total": held.probability,
+    }
     if held.image_text_nats is not None:
         terms["image_text_nats"] = held.image_text_nats
     candidate = Candidate("object", thing.class_name, position_of(thing), terms, thing.id)
     keeps = held.probability >= hand_from or bool(kept_why)
     why = explanations.in_hand(thing.class_name, held, hand_from, kept_why)
     return Decision(
-        DecisionRule.IN_HAND, Do.ACT if keeps else Do.SEARCH_ON, (candidate,),
-        0 if keeps else None, why, {"threshold": hand_from},
-    )  # fmt: skip
+        DecisionRule.IN_HAND,
+        Do.ACT if keeps else Do.SEARCH_ON,
+        (candidate,),
+        0 if keeps else None,
+        why,
+        {"threshold": hand_from},
+    )
 
 
 def visit_first(things: Sequence[ObjectInstance], distances_m: Sequence[float]) -> Decision:
     """Decision to look at the nearest candidate from its gaze points before its score counts."""
     candidates = tuple(
         Candidate(
-            "object", thing.class_name, position_of(thing),
-            _scores(thing) | {"distance_m": distance_m, "total": -distance_m}, thing.id,
+            "object",
+            thing.class_name,
+            position_of(thing),
+            _scores(thing) | {"distance_m": distance_m, "total": -distance_m},
+            thing.id,
         )
         for thing, distance_m in zip(things, distances_m, strict=True)
-    )  # fmt: skip
+    )
     k = best_of(candidates)
     why = explanations.visit_first(candidates, k)
     return Decision(DecisionRule.GAZE_POINTS_FIRST, Do.LOOK, candidates, k, why)
@@ -244,9 +263,11 @@ def give_up(what: Act, thing: ObjectInstance, kind: str, reason: str) -> Decisio
 
 def _scores(thing: ObjectInstance) -> dict[str, float]:
     return {
-        "class_score": thing.class_score, "uncertainty": thing.uncertainty,
-        "score": thing.score, "views": float(thing.views),
-    }  # fmt: skip
+        "class_score": thing.class_score,
+        "uncertainty": thing.uncertainty,
+        "score": thing.score,
+        "views": float(thing.views),
+    }
 
 
 def _image_text(instance: ObjectInstance) -> dict[str, float]:
@@ -259,9 +280,11 @@ def best_of(candidates: Sequence[Candidate]) -> int:
     return max(
         range(len(candidates)),
         key=lambda k: (
-            candidates[k].terms["total"], -candidates[k].terms.get("distance_m", 0.0), -k,
+            candidates[k].terms["total"],
+            -candidates[k].terms.get("distance_m", 0.0),
+            -k,
         ),
-    )  # fmt: skip
+    )
 
 
 def position_of(instance: ObjectInstance) -> tuple[float, float, float]:

@@ -40,13 +40,17 @@ _GLOBAL = {"alpha_d": "alpha_d", "class_threshold": "cs_a"}
 _PICK = {"threshold": "tau_g", "tau_inc": "tau_inc", "class_threshold": "cs_g"}
 _PLACE = {"threshold": "tau_b", "tau_inc": "tau_inc", "class_threshold": "cs_b"}
 _READS: dict[str, dict[str, str]] = {
-    DecisionRule.BY_OBJECTIVE: _GLOBAL, DecisionRule.RECEPTACLES_FIRST: _GLOBAL,
-    DecisionRule.PICK: _PICK, DecisionRule.STOP: _PICK, DecisionRule.PLACE: _PLACE,
-}  # fmt: skip
+    DecisionRule.BY_OBJECTIVE: _GLOBAL,
+    DecisionRule.RECEPTACLES_FIRST: _GLOBAL,
+    DecisionRule.PICK: _PICK,
+    DecisionRule.STOP: _PICK,
+    DecisionRule.PLACE: _PLACE,
+}
 # Settings that the candidates of a rule depend on, but that it does not store.
 _UNSTORED: dict[str, set[str]] = {
-    DecisionRule.GAZE_POINTS_FIRST: {"cs_g", "tau_g"}, DecisionRule.ABSENT: {"cs_g"},
-}  # fmt: skip
+    DecisionRule.GAZE_POINTS_FIRST: {"cs_g", "tau_g"},
+    DecisionRule.ABSENT: {"cs_g"},
+}
 _ACTS: dict[str, Act] = {act.rule: act for act in Act}
 _TAU = "tau"  # τ of Table 3, as a stored decision names it
 MOST = 1e6  # upper limit of every setting in a request
@@ -118,18 +122,20 @@ def recompute(decision: Decision, changes: Mapping[str, float]) -> Recomputed:
         known = not changes.keys() & _UNSTORED.get(decision.rule, set())
         return Recomputed(decision, flips=False, certain=known)
     used = decision.settings | {
-        own: _own_value(decision, own, changes[setting]) for own, setting in reads.items()
+        own: _own_value(decision, own, changes[setting])
+        for own, setting in reads.items()
         if setting in changes and not (own == "threshold" and decision.settings[own] == ANY_SCORE)
-    }  # fmt: skip
+    }
     before, after = decision.settings.get("class_threshold"), used.get("class_threshold")
     lowered = after is not None and after != before and (before is None or after < before)
     unseen = any(  # eq. 8 would have first seen it at another time
         c.kind == "first_seen" and c.terms["class_score"] < (after or 0.0) for c in decision.memory
     )
     kept = tuple(
-        c for c in decision.candidates
+        c
+        for c in decision.candidates
         if after is None or c.terms.get("class_score", math.inf) >= after
-    )  # fmt: skip
+    )
     if reads is _GLOBAL:
         again, certain = _global(decision, kept, used), not unseen
     else:
@@ -180,15 +186,19 @@ def _global(
 ) -> Decision:
     receptacles = [
         ReceptacleOption(
-            _instance(c), c.terms["class_score"], c.terms["information_gain"],
+            _instance(c),
+            c.terms["class_score"],
+            c.terms["information_gain"],
             c.terms["distance_m"],
         )
-        for c in candidates if c.kind == "receptacle"
-    ]  # fmt: skip
+        for c in candidates
+        if c.kind == "receptacle"
+    ]
     frontiers = [
         FrontierOption(c.id, c.position_m[:2], c.terms["value"], c.terms["distance_m"])
-        for c in candidates if c.kind == "frontier"
-    ]  # fmt: skip
+        for c in candidates
+        if c.kind == "frontier"
+    ]
     rule = by_objective if decision.rule == DecisionRule.BY_OBJECTIVE else receptacles_first
     return rule(receptacles, frontiers, as_memory(decision.memory), used["alpha_d"])
 
@@ -200,12 +210,16 @@ def _act_or_look(
     the score was below the threshold of that time."""
     things = [
         ViewOption(
-            _instance(c), c.terms["score"], c.terms.get("score_after_view"),
-            c.terms["distance_m"], bool(c.terms["in_place"]), c.terms.get("place", 1.0),
+            _instance(c),
+            c.terms["score"],
+            c.terms.get("score_after_view"),
+            c.terms["distance_m"],
+            bool(c.terms["in_place"]),
+            c.terms.get("place", 1.0),
             c.terms.get("in_hand", 1.0),
         )
         for c in candidates
-    ]  # fmt: skip
+    ]
     threshold, anywhere = used["threshold"], bool(used["anywhere"])
     kind = candidates[0].kind if candidates else "object"
     what = _ACTS[decision.rule]

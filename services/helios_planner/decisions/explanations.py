@@ -227,9 +227,11 @@ def absence(
     """Sentence about the probability that the object is not there, after a complete search."""
     times = "once" if search.number == 1 else f"{search.number} times"
     best = max((c.terms["total"] for c in candidates), default=None)
-    of = "nothing looked like one" if best is None else (
-        f"the best of {counted(len(candidates), 'candidate')} has score {best:.2f}"
-    )  # fmt: skip
+    of = (
+        "nothing looked like one"
+        if best is None
+        else (f"the best of {counted(len(candidates), 'candidate')} has score {best:.2f}")
+    )
     named = ""
     if search.start:
         named = f" the likeliest {search.start} has score {search.start_score:.2f},"
@@ -294,8 +296,10 @@ def best_view(name: str, score: float, candidates: Sequence[Candidate], winner: 
 def give_up(what: Act, name: str, reason: str) -> str:
     """Sentence for leaving a chosen candidate."""
     doing = {
-        Act.PICK: "picking the", Act.PLACE: "placing on the", Act.STOP: "stopping at the",
-    }  # fmt: skip
+        Act.PICK: "picking the",
+        Act.PLACE: "placing on the",
+        Act.STOP: "stopping at the",
+    }
     return f"give up {doing[what]} {name}: {reason}"
 
 

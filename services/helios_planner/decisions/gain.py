@@ -26,18 +26,18 @@ class Gain:
     def as_terms(self) -> dict[str, float]:
         """Terms of a candidate record, for `of_terms`."""
         return {
-            "gain_nats": self.nats, "gaussians": float(self.gaussians), "area_m2": self.area_m2,
+            "gain_nats": self.nats,
+            "gaussians": float(self.gaussians),
+            "area_m2": self.area_m2,
             "pixels": self.pixels,
-        }  # fmt: skip
+        }
 
     @staticmethod
     def of_terms(terms: Mapping[str, float]) -> Gain | None:
         """Inverse of `as_terms`; None if the terms hold no gain."""
         if "gain_nats" not in terms:
             return None
-        return Gain(
-            terms["gain_nats"], int(terms["gaussians"]), terms["area_m2"], terms["pixels"]
-        )  # fmt: skip
+        return Gain(terms["gain_nats"], int(terms["gaussians"]), terms["area_m2"], terms["pixels"])
 
 
 def normalised_gain(gain: Gain, norm: GainNorm) -> float:

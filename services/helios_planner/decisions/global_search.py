@@ -77,12 +77,17 @@ class SearchMemory:
     def as_json(self) -> dict[str, Any]:
         return {
             "first_seen": [
-                [id, s.class_score, s.information_gain, *s.center_xy_m,
-                 *(astuple(s.gain) if s.gain else ())]
+                [
+                    id,
+                    s.class_score,
+                    s.information_gain,
+                    *s.center_xy_m,
+                    *(astuple(s.gain) if s.gain else ()),
+                ]
                 for id, s in self.first_seen.items()
             ],
             "chosen": [[*f.xy_m, f.value_when_chosen] for f in self.chosen],
-        }  # fmt: skip
+        }
 
     @staticmethod
     def of_json(memory: Mapping[str, Any]) -> SearchMemory:
@@ -146,11 +151,15 @@ class ExplorationOption:
 def nearest_by_way(frontiers: Sequence[ExplorationOption]) -> Decision:
     """Decision for the frontier with the shortest path, for exploration tasks."""
     candidates = tuple(
-        Candidate("frontier", f"frontier {f.id}", (*f.xy_m, 0.0),
-                  {"way_m": f.way_m, "size_m": f.size_m, "distance_m": f.distance_m,
-                   "total": -f.way_m}, f.id)
+        Candidate(
+            "frontier",
+            f"frontier {f.id}",
+            (*f.xy_m, 0.0),
+            {"way_m": f.way_m, "size_m": f.size_m, "distance_m": f.distance_m, "total": -f.way_m},
+            f.id,
+        )
         for f in frontiers
-    )  # fmt: skip
+    )
     if not candidates:
         return _nothing(DecisionRule.NEAREST_BY_WAY)
     k = best_of(candidates)
@@ -191,9 +200,10 @@ def kept(frontiers: Sequence[FrontierOption], layer: str, last: ChosenFrontier |
     if last is None or decision.winner is None:
         return decision
     near = [
-        (math.dist(f.xy_m, last.xy_m), k) for k, f in enumerate(frontiers)
+        (math.dist(f.xy_m, last.xy_m), k)
+        for k, f in enumerate(frontiers)
         if math.dist(f.xy_m, last.xy_m) <= SAME_FRONTIER_M
-    ]  # fmt: skip
+    ]
     if not near:
         return decision
     _, k = min(near)
@@ -225,10 +235,15 @@ def _highest(frontiers: Sequence[FrontierOption], layer: str) -> Decision:
 
 def _listed(frontiers: Sequence[FrontierOption], totals: Sequence[float]) -> tuple[Candidate, ...]:
     return tuple(
-        Candidate("frontier", f"frontier {f.id}", (*f.xy_m, 0.0),
-                  {"value": f.value, "distance_m": f.distance_m, "total": total}, f.id)
+        Candidate(
+            "frontier",
+            f"frontier {f.id}",
+            (*f.xy_m, 0.0),
+            {"value": f.value, "distance_m": f.distance_m, "total": total},
+            f.id,
+        )
         for f, total in zip(frontiers, totals, strict=True)
-    )  # fmt: skip
+    )
 
 
 def _nothing(rule: str) -> Decision:
@@ -276,9 +291,14 @@ def receptacles_first(
     k = min(range(len(receptacles)), key=lambda k: (receptacles[k].distance_m, k))
     why = explanations.nearest_receptacle(candidates, k)
     return Decision(
-        DecisionRule.RECEPTACLES_FIRST, Do.SEARCH_RECEPTACLE, candidates, k, why, settings,
+        DecisionRule.RECEPTACLES_FIRST,
+        Do.SEARCH_RECEPTACLE,
+        candidates,
+        k,
+        why,
+        settings,
         (*as_candidates(memory), *gains_as_candidates(receptacles)),
-    )  # fmt: skip
+    )
 
 
 def by_distance(
@@ -299,13 +319,15 @@ def as_candidates(memory: SearchMemory) -> tuple[Candidate, ...]:
     """The memory as candidates: those first seen, and the frontiers chosen before."""
     seen = [
         Candidate(
-            "first_seen", "", (*s.center_xy_m, 0.0),
+            "first_seen",
+            "",
+            (*s.center_xy_m, 0.0),
             {"class_score": s.class_score, "information_gain": s.information_gain}
             | (s.gain.as_terms() if s.gain else {}),
             id,
         )
         for id, s in memory.first_seen.items()
-    ]  # fmt: skip
+    ]
     chosen = [
         Candidate("chosen_frontier", "", (*f.xy_m, 0.0), {"value": f.value_when_chosen})
         for f in memory.chosen
@@ -321,7 +343,7 @@ def as_memory(candidates: Sequence[Candidate]) -> SearchMemory:
         if c.kind == "first_seen":
             seen = FirstSeen(
                 c.terms["class_score"], c.terms["information_gain"], xy, Gain.of_terms(c.terms)
-            )  # fmt: skip
+            )
             memory.note(c.id, seen)
         elif c.kind == "chosen_frontier":
             memory.chosen.append(ChosenFrontier(xy, c.terms["value"]))
@@ -332,8 +354,9 @@ def gains_as_candidates(receptacles: Sequence[ReceptacleOption]) -> tuple[Candid
     """Gains of receptacles before they were normalised, as candidates of the kind "gain"."""
     return tuple(
         Candidate("gain", "", position_of(r.instance), r.gain.as_terms(), r.instance.id)
-        for r in receptacles if r.gain is not None
-    )  # fmt: skip
+        for r in receptacles
+        if r.gain is not None
+    )
 
 
 def _weighed(
@@ -346,22 +369,24 @@ def _weighed(
     scale = frontier_scale(memory, alpha_d)
     places = [
         Candidate(
-            "receptacle", r.instance.class_name, position_of(r.instance),
+            "receptacle",
+            r.instance.class_name,
+            position_of(r.instance),
             {
                 "class_score": r.class_score,
                 "information_gain": r.information_gain,
                 "distance_m": r.distance_m,
-                "total": candidate_value(
-                    r.class_score, r.information_gain, r.distance_m, alpha_d
-                ),
+                "total": candidate_value(r.class_score, r.information_gain, r.distance_m, alpha_d),
             },
             r.instance.id,
         )
         for r in receptacles
-    ]  # fmt: skip
+    ]
     borders = [
         Candidate(
-            "frontier", f"frontier {f.id}", (*f.xy_m, 0.0),
+            "frontier",
+            f"frontier {f.id}",
+            (*f.xy_m, 0.0),
             {
                 "value": f.value,
                 "frontier_scale": scale,
@@ -371,5 +396,5 @@ def _weighed(
             f.id,
         )
         for f in frontiers
-    ]  # fmt: skip
+    ]
     return (*places, *borders), {"alpha_d": alpha_d, "frontier_scale": scale}

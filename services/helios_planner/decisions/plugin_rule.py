@@ -128,22 +128,29 @@ def _candidates(
 ) -> tuple[Candidate, ...]:
     rows = [
         Candidate(
-            "receptacle", r.instance.class_name, position_of(r.instance),
+            "receptacle",
+            r.instance.class_name,
+            position_of(r.instance),
             {
-                "class_score": r.class_score, "information_gain": r.information_gain,
-                "distance_m": r.distance_m, "total": float(scores[k]),
+                "class_score": r.class_score,
+                "information_gain": r.information_gain,
+                "distance_m": r.distance_m,
+                "total": float(scores[k]),
             },
             r.instance.id,
         )
         for k, r in enumerate(receptacles)
-    ]  # fmt: skip
+    ]
     rows += [
         Candidate(
-            "frontier", f"frontier {f.id}", (*f.xy_m, 0.0),
-            {"value": f.value, "distance_m": f.distance_m, "total": float(scores[k])}, f.id,
+            "frontier",
+            f"frontier {f.id}",
+            (*f.xy_m, 0.0),
+            {"value": f.value, "distance_m": f.distance_m, "total": float(scores[k])},
+            f.id,
         )
         for k, f in enumerate(frontiers, len(receptacles))
-    ]  # fmt: skip
+    ]
     # Places with -inf are no candidates: decisions are sent as JSON, which has no -inf.
     return tuple(c for c in rows if np.isfinite(c.terms["total"]))
 

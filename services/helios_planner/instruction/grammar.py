@@ -162,8 +162,11 @@ def _active(words: list[str]) -> list[str]:
             return [w.PARTICIPLES[words[at + n]], *words[:at], *words[at + n + 1 :]]
         if (n := length_at(words, at, w.BELONGS)) and _is_place(words, at + n):
             return ["put", *words[:at], *words[at + n :]]
-    places = {w.PLACES[tuple(words[at : at + n])] for at in range(1, len(words))
-              if (n := length_at(words, at, w.PLACES))}  # fmt: skip
+    places = {
+        w.PLACES[tuple(words[at : at + n])]
+        for at in range(1, len(words))
+        if (n := length_at(words, at, w.PLACES))
+    }
     verbless = not any(_verb_at(words, at)[0] for at in range(len(words)))
     return ["move", *words] if verbless and {Place.FROM, Place.TO} <= places else words
 

@@ -112,8 +112,15 @@ WHAT_MOVES = (
     "“explore the home”, “come back”"
 )
 LONGEST_S = 86_400.0
-_SECONDS = {"s": 1.0, "sec": 1.0, "second": 1.0, "min": 60.0, "minute": 60.0, "h": 3600.0,
-            "hour": 3600.0}  # fmt: skip
+_SECONDS = {
+    "s": 1.0,
+    "sec": 1.0,
+    "second": 1.0,
+    "min": 60.0,
+    "minute": 60.0,
+    "h": 3600.0,
+    "hour": 3600.0,
+}
 _COUNTS = {
     "a": 1.0, "an": 1.0, "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0,
     "six": 6.0, "seven": 7.0, "eight": 8.0, "nine": 9.0, "ten": 10.0, "fifteen": 15.0,
@@ -170,10 +177,12 @@ _NONE = _phrases(
     "move backwards, move back, go left, go right, move left, move right, come here, come to me, "
     "come over, come over here, go away, come"
 )
-_ARGUMENTS = _phrases("turn, rotate, spin, dock, undock, charge, recharge, follow, wait, stay, "
-                     "back up, step back, reverse, forward, drive forward, drive backward, "
-                     "drive backwards, go forward, go backward, go backwards, move forward, "
-                     "move backward, move backwards, move back")  # fmt: skip
+_ARGUMENTS = _phrases(
+    "turn, rotate, spin, dock, undock, charge, recharge, follow, wait, stay, "
+    "back up, step back, reverse, forward, drive forward, drive backward, "
+    "drive backwards, go forward, go backward, go backwards, move forward, "
+    "move backward, move backwards, move back"
+)
 
 
 def read_move(text: str) -> ReadMove | None:

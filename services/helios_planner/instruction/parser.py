@@ -388,8 +388,10 @@ class Roles:
 
     def _check_counts(self) -> None:
         for role, named in (
-            ("objects", self.things), ("goals", self.goals), ("places to take it from", self.starts)
-        ):  # fmt: skip
+            ("objects", self.things),
+            ("goals", self.goals),
+            ("places to take it from", self.starts),
+        ):
             if len(named) > 1:
                 raise InvalidInput(
                     f"{short(self.text)} names {len(named)} {role} ({', '.join(named)}): several "

@@ -102,9 +102,16 @@ def in_sight(
     """True if no known obstacle stands between an eye and a point (world x, y, z)."""
     (r0, c0), (r1, c1) = ground.exact_cells_of(np.array([eye_xy, target_m[:2]]))
     return not kernels.hidden_along(
-        ground.top_m, r0, c0, eye_z_m, r1, c1, float(target_m[2]),
-        near_m / ground.cell_m, block_height_m,
-    )  # fmt: skip
+        ground.top_m,
+        r0,
+        c0,
+        eye_z_m,
+        r1,
+        c1,
+        float(target_m[2]),
+        near_m / ground.cell_m,
+        block_height_m,
+    )
 
 
 def gaze_points(
@@ -139,8 +146,14 @@ def gaze_points(
                 continue
             target = (*middle, top_m)
             pose = facing(float(x_m), float(y_m), middle)
-            seen = in_sight(ground, eye_of(pose, robot), robot.camera_height_m, target,
-                            extent_m + rules.near_m, rules.block_height_m)  # fmt: skip
+            seen = in_sight(
+                ground,
+                eye_of(pose, robot),
+                robot.camera_height_m,
+                target,
+                extent_m + rules.near_m,
+                rules.block_height_m,
+            )
             if not seen or not reached.fits(pose):
                 continue
             distance_m = pose.distance_m(middle)

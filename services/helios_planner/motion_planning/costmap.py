@@ -128,12 +128,10 @@ class GroundMap:
     def part(self, near: tuple[slice, slice]) -> GroundMap:
         """Map of a window, which may be empty; a view of these arrays."""
         row, column = near[0].start, near[1].start
-        origin = (
-            self.origin_m[0] + column * self.cell_m, self.origin_m[1] + row * self.cell_m
-        )  # fmt: skip
+        origin = (self.origin_m[0] + column * self.cell_m, self.origin_m[1] + row * self.cell_m)
         return replace(
             self, occupancy=self.occupancy[near], top_m=self.top_m[near], origin_m=origin
-        )  # fmt: skip
+        )
 
     def padded(self, x_m: float, y_m: float, margin_m: float) -> GroundMap:
         """Map that also covers `margin_m` around the point; new cells are unknown."""

@@ -199,10 +199,17 @@ class PoseReach(Reach):
 
     def _slack_at(self, pose: Pose2, ahead_m: float) -> float:
         (row, column), cell = self.ground.exact_cells_of(np.array([pose.xy]))[0], self.ground.cell_m
-        return float(kernels.capsule_slack(
-            self.clearance, row, column, pose.yaw_rad, self.capsule.half_m / cell, ahead_m / cell,
-            self.capsule.radius_m,
-        ))  # fmt: skip
+        return float(
+            kernels.capsule_slack(
+                self.clearance,
+                row,
+                column,
+                pose.yaw_rad,
+                self.capsule.half_m / cell,
+                ahead_m / cell,
+                self.capsule.radius_m,
+            )
+        )
 
     def _node_at(self, point: tuple[float, float]) -> tuple[int, int]:
         row, column = self.ground.exact_cells_of(np.array([point]))[0]

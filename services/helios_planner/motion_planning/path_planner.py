@@ -62,9 +62,15 @@ def arrival_time(speed: NDArray[np.float32], sources: NDArray[np.integer]) -> ND
     head = np.empty(1 << span.bit_length(), np.int32)
     nodes = field.size + len(flat)
     while not kernels.march(
-        field, flat, arrival, np.empty(nodes, np.int32), np.empty(nodes, np.int32), head,
-        np.float32(BUCKET_WIDTH), np.float32(SLOWEST),
-    ):  # fmt: skip
+        field,
+        flat,
+        arrival,
+        np.empty(nodes, np.int32),
+        np.empty(nodes, np.int32),
+        head,
+        np.float32(BUCKET_WIDTH),
+        np.float32(SLOWEST),
+    ):
         nodes *= 2
     return arrival
 

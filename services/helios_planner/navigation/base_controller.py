@@ -397,9 +397,13 @@ class PoseBaseController(BaseController):
     def _reach_on(self, ground: GroundMap, level: int) -> Reach:
         rules = replace(self.rules, margin_m=self.settings.margins_m[level])
         reached = pose_reach(
-            self._covering(ground), self.robot.pose(), self.capsule, rules, *self._discs(),
+            self._covering(ground),
+            self.robot.pose(),
+            self.capsule,
+            rules,
+            *self._discs(),
             lattice_xy=self._lattice_xy,
-        )  # fmt: skip
+        )
         self._lattice_xy = reached.node_xy
         return reached
 

@@ -212,10 +212,11 @@ class RobotClient(RobotInterface):
         """Parts that refused a keyframe, or took it up for another search. No refusal is harmless:
         the maps accept a keyframe that they already hold."""
         return [
-            part for part, ack in answers.items()
+            part
+            for part, ack in answers.items()
             if not ack.accepted
             or (part != MapPart.OCCUPANCY and ack.context_id != self._context_id)
-        ]  # fmt: skip
+        ]
 
     def _do(
         self, action: Action, ack_s: float

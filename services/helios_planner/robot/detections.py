@@ -57,10 +57,13 @@ def sightings_of(observation: Observation, max_depth_m: float = math.inf) -> lis
             left, _, right, _ = detection.box_xyxy
             found.append(
                 sighting_of(
-                    detection.class_name, detection.score, points, frame.T_world_cam[:3, 3],
+                    detection.class_name,
+                    detection.score,
+                    points,
+                    frame.T_world_cam[:3, 3],
                     lies_at_side(left, right, frame.camera.width),
                 )
-            )  # fmt: skip
+            )
     return found
 
 
@@ -150,9 +153,12 @@ class MessageBuffer:
 
     def _on_observation(self, message: ObservationMessage) -> None:
         ack = pb.Ack(
-            service="planner", part=DETECTIONS, id=message.frame.id, context_id=message.context_id,
+            service="planner",
+            part=DETECTIONS,
+            id=message.frame.id,
+            context_id=message.context_id,
             accepted=True,
-        )  # fmt: skip
+        )
         if message.context_id == self._context_id:
             try:
                 observation = observation_from_proto(message, with_others=False)

@@ -188,11 +188,14 @@ class Search(ABC):
     def checkpoint(self) -> dict[str, Any]:
         """State that must outlive a restart, as JSON, for `restore`."""
         return {
-            "round": self._round, "latest_round": self._latest_round,
-            "waited_at": self._waited_at, "patrol": self._patrol.seen_from,
-            "refused": self.refused.checkpoint(), "waiting": self.unreachable.checkpoint(),
+            "round": self._round,
+            "latest_round": self._latest_round,
+            "waited_at": self._waited_at,
+            "patrol": self._patrol.seen_from,
+            "refused": self.refused.checkpoint(),
+            "waiting": self.unreachable.checkpoint(),
             "doubts": list(self._doubts.items()),
-        }  # fmt: skip
+        }
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         self._round = self._first_round = int(checkpoint["round"])
@@ -309,23 +312,27 @@ class Search(ABC):
             reached = self.base.reach(level)
             options = [
                 FrontierOption(
-                    f.id, f.xy_m, f.values.get(layer, 0.0), pose.distance_m(f.xy_m),
+                    f.id,
+                    f.xy_m,
+                    f.values.get(layer, 0.0),
+                    pose.distance_m(f.xy_m),
                     pose.bearing_rad(f.xy_m),
                     float(reached.at(np.array([place]))[0]) * reached.ground.cell_m
                     + math.dist(place, f.xy_m),
                 )
                 for f in frontiers
                 if (place := reached.nearest(f.xy_m, FRONTIER_REACH_M)) is not None
-            ]  # fmt: skip
+            ]
             if options:
                 return options
         return []
 
     def _open_frontiers(self) -> Sequence[Frontier]:
         return [
-            f for f in self.robot.frontiers()
+            f
+            for f in self.robot.frontiers()
             if all(math.dist(f.xy_m, g) > SAME_PLACE_M for g in self.tools.given_up)
-        ]  # fmt: skip
+        ]
 
     def _frontier_at(self, xy_m: tuple[float, float]) -> bool:
         return any(math.dist(f.xy_m, xy_m) <= SAME_PLACE_M for f in self.robot.frontiers())
@@ -340,9 +347,10 @@ class Search(ABC):
                 break
         if near is not None:
             outcome = self.base.go_to(
-                facing(*near, xy_m), f"explore for the {self.name}",
+                facing(*near, xy_m),
+                f"explore for the {self.name}",
                 lambda: not self._frontier_at(xy_m) or found(),
-            )  # fmt: skip
+            )
             if outcome is Outcome.INTERRUPTED:
                 return
             if self._frontier_at(xy_m):

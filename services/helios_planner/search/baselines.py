@@ -76,11 +76,12 @@ class TrustingSearch(Search):
 
     def reported(self) -> list[ObjectInstance]:
         return [
-            thing for thing in self.belief.known(self.name)
+            thing
+            for thing in self.belief.known(self.name)
             if self.open(thing)
             and self._outdated.get(thing.id) != thing.views
             and (self._not_at is None or not near_outline(thing, self._not_at, PICKED_PLACE_M))
-        ]  # fmt: skip
+        ]
 
     def decide(self) -> Decision:
         pose = self.robot.pose()
@@ -104,8 +105,9 @@ class TrustingSearch(Search):
 
     def checkpoint(self) -> dict[str, Any]:
         return super().checkpoint() | {
-            "explorer": self._explorer.checkpoint(), "outdated": list(self._outdated.items()),
-        }  # fmt: skip
+            "explorer": self._explorer.checkpoint(),
+            "outdated": list(self._outdated.items()),
+        }
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         super().restore(checkpoint)
@@ -132,9 +134,10 @@ class StopSearch(ScoredSearch):
 
     def candidates(self) -> list[ObjectInstance]:
         return [
-            o for o in self.robot.objects(self.name)
+            o
+            for o in self.robot.objects(self.name)
             if o.class_score >= self.settings.cs_g and self.open(o)
-        ]  # fmt: skip
+        ]
 
     def decide(self) -> Decision:
         things = self.candidates()
@@ -172,8 +175,9 @@ class StopSearch(ScoredSearch):
 
     def checkpoint(self) -> dict[str, Any]:
         return super().checkpoint() | {
-            "explorer": self._explorer.checkpoint(), "visited": self.visited.checkpoint(),
-        }  # fmt: skip
+            "explorer": self._explorer.checkpoint(),
+            "visited": self.visited.checkpoint(),
+        }
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         super().restore(checkpoint)

@@ -123,10 +123,11 @@ class TrustingBelief(Belief):
     def _known_as(self, sighting: Sighting) -> ObjectInstance | None:
         """Known object that the sighting shows; None if it is new."""
         same = [
-            t for t in self._things
+            t
+            for t in self._things
             if t.class_name == sighting.class_name
             and math.dist(t.center_m[:2], sighting.center_m[:2]) < SAME_THING_M
-        ]  # fmt: skip
+        ]
         return min(same, key=lambda t: math.dist(t.center_m, sighting.center_m), default=None)
 
     def _put(

@@ -114,9 +114,10 @@ class Exploration:
 
     def _open(self) -> list[Border]:
         return [
-            b for b in self._borders()
+            b
+            for b in self._borders()
             if all(math.dist(b.xy_m, g) > SAME_PLACE_M for g in self.given_up)
-        ]  # fmt: skip
+        ]
 
     def _options(self) -> list[ExplorationOption]:
         """Borders that can be driven near to, with the widest margin that reaches any."""

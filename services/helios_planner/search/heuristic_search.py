@@ -92,9 +92,11 @@ class HeuristicSearch(TrustingSearch):
             self._been.append(here)
         starts = [] if self.start is None else self.belief.known(self.start)
         return [
-            (thing, xy) for thing in starts for xy in parts_of(thing)
+            (thing, xy)
+            for thing in starts
+            for xy in parts_of(thing)
             if all(math.dist(xy, b) > CLOSE_M for b in self._been)
-        ]  # fmt: skip
+        ]
 
     def _is_new(self, known: Sequence[XY]) -> bool:
         """True if there is a part away from all known ones."""
@@ -116,9 +118,7 @@ class HeuristicSearch(TrustingSearch):
         candidates = tuple(ways.values())
         k = best_of(candidates)
         why = explanations.unvisited_receptacle(candidates, k)
-        return Decision(
-            DecisionRule.NEAREST_RECEPTACLE, Do.SEARCH_RECEPTACLE, candidates, k, why
-        )  # fmt: skip
+        return Decision(DecisionRule.NEAREST_RECEPTACLE, Do.SEARCH_RECEPTACLE, candidates, k, why)
 
     def _place_near(self, xy_m: XY) -> tuple[XY, float] | None:
         """Reachable place nearest to a part, and the length of the path to it; None without one."""

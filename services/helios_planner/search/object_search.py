@@ -93,10 +93,12 @@ class ObjectSearch(ScoredSearch):
 
     def checkpoint(self) -> dict[str, Any]:
         return super().checkpoint() | {
-            "visited": self.visited.checkpoint(), "objective": self.seen.as_json(),
-            "searched": self._searched, "tried": self._tried.checkpoint(),
+            "visited": self.visited.checkpoint(),
+            "objective": self.seen.as_json(),
+            "searched": self._searched,
+            "tried": self._tried.checkpoint(),
             "seen_in_hand": self._seen_in_hand.checkpoint(),
-        }  # fmt: skip
+        }
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         super().restore(checkpoint)
@@ -179,12 +181,13 @@ class ObjectSearch(ScoredSearch):
         named = [one.center_m[:2] for one in self._set_aside if one.id < FIRST_ID]
         named += self._seen_in_hand.points
         return [
-            t for t in things
+            t
+            for t in things
             if t.score >= least
             and t not in self.unreachable
             and all(math.dist(p, t.center_m[:2]) > SAME_SPOT_M for p in left)
             and all(math.dist(p, t.center_m[:2]) > SAME_INSTANCE_M for p in named)
-        ]  # fmt: skip
+        ]
 
     def chosen(self, decision: Decision) -> ObjectInstance:
         return self._unnamed.get(decision.chosen.id) or super().chosen(decision)

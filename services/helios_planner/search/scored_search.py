@@ -261,10 +261,12 @@ class ScoredSearch(Search):
 
     def checkpoint(self) -> dict[str, Any]:
         return super().checkpoint() | {
-            "standard": self._step, "since": self._since, "rated": self._rated,
+            "standard": self._step,
+            "since": self._since,
+            "rated": self._rated,
             "remembered": self._past_candidates.checkpoint(),
             "set_aside": [[s.id, *s.center_m, s.probability] for s in self._set_aside],
-        }  # fmt: skip
+        }
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         super().restore(checkpoint)
@@ -391,8 +393,9 @@ class ReceptacleSearch(ScoredSearch):
 
     def checkpoint(self) -> dict[str, Any]:
         return super().checkpoint() | {
-            "failed": self._failed.checkpoint(), "in_last_resort": self._in_last_resort,
-        }  # fmt: skip
+            "failed": self._failed.checkpoint(),
+            "in_last_resort": self._in_last_resort,
+        }
 
     def restore(self, checkpoint: Mapping[str, Any]) -> None:
         super().restore(checkpoint)
@@ -406,11 +409,12 @@ class ReceptacleSearch(ScoredSearch):
 
     def candidates(self) -> list[ObjectInstance]:
         return [
-            o for o in self.robot.objects(self.name)
+            o
+            for o in self.robot.objects(self.name)
             if o.class_score >= self.settings.cs_b
             and self.open(o)
             and (self._not_at is None or not near_outline(o, self._not_at, PICKED_PLACE_M))
-        ]  # fmt: skip
+        ]
 
 
 class CandidateMemory:

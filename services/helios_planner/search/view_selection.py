@@ -114,9 +114,10 @@ class ViewPlanner:
     def _left(self, candidate: ObjectInstance, rules: GazeRules, apart_m: float) -> list[GazePoint]:
         done = self._done(candidate)
         return [
-            g for g in self._points(candidate, rules)
+            g
+            for g in self._points(candidate, rules)
             if all(d.distance_m(g.pose.xy) >= apart_m for d in done)
-        ]  # fmt: skip
+        ]
 
     def _points(self, candidate: ObjectInstance, rules: GazeRules) -> list[GazePoint]:
         """Gaze points at the widest obstacle margin with which any is reachable."""
@@ -158,9 +159,7 @@ class ViewPlanner:
         points = self.remaining_gaze_points(receptacle)[: self.settings.most_gaze_points]
         if not points:
             return None
-        key = (
-            receptacle.id, receptacle.views, receptacle.gaussians, tuple(g.pose for g in points)
-        )  # fmt: skip
+        key = (receptacle.id, receptacle.views, receptacle.gaussians, tuple(g.pose for g in points))
         if key not in self._gains:
             poses = [g.T_world_cam(self.robot.description) for g in points]
             answer = self.robot.what_if(

@@ -37,10 +37,17 @@ class TaskExecutor:
     action, `hold` pauses it."""
 
     def __init__(
-        self, bus: Bus, settings: Settings, robot: pb.RobotDescription, acks: KeyframeAcks,
-        store: Store, registry: TaskRegistry, task: Task, cancelled: threading.Event,
+        self,
+        bus: Bus,
+        settings: Settings,
+        robot: pb.RobotDescription,
+        acks: KeyframeAcks,
+        store: Store,
+        registry: TaskRegistry,
+        task: Task,
+        cancelled: threading.Event,
         hold: PauseControl,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._settings, self._robot, self._acks = settings, robot, acks
         self._registry, self._task, self._cancelled = registry, task, cancelled
         self._store = store
@@ -126,10 +133,17 @@ class TaskExecutor:
         an earlier one."""
         life = self._journal.entry.life
         robot = RobotClient(
-            self._bus, self._line(), self._settings, self._robot, self._acks,
-            f"{self._task.id}.{life}" if life else self._task.id, context_id,
-            self._task.max_steps, self._reporter, self._parts(),
-        )  # fmt: skip
+            self._bus,
+            self._line(),
+            self._settings,
+            self._robot,
+            self._acks,
+            f"{self._task.id}.{life}" if life else self._task.id,
+            context_id,
+            self._task.max_steps,
+            self._reporter,
+            self._parts(),
+        )
         robot.steps = self._task.steps
         return robot
 
@@ -155,9 +169,12 @@ class TaskExecutor:
         """Settle the action in flight, and restore the mission's state."""
         log.info("task %s is taken up again, life %d", self._task.id, self._journal.entry.life)
         last = last_action(
-            self._line(), self._settings, self._journal, lambda: self._calls.held_s,
+            self._line(),
+            self._settings,
+            self._journal,
+            lambda: self._calls.held_s,
             HeartbeatSender(self._bus, PLANNER_HEARTBEAT),
-        )  # fmt: skip
+        )
         if self._journal.entry.checkpoint:
             mission.restore(self._journal.entry.checkpoint, last)
 

@@ -43,10 +43,13 @@ class Mission:
         base = base_controller_for(robot, settings)
         belief = self.agent.belief(robot, settings)
         self.tools = SearchTools(
-            robot, settings, base, ViewPlanner(robot, base, settings, self.agent.other_share),
+            robot,
+            settings,
+            base,
+            ViewPlanner(robot, base, settings, self.agent.other_share),
             belief,
             np.random.default_rng(settings.agent_seed),
-        )  # fmt: skip
+        )
         attempts = settings.picks_per_object if self.agent.retries else 1
         self.skills = Manipulation(robot, base, settings, belief, attempts)
         self.hand = HandCheck(robot, base, settings)

@@ -74,8 +74,13 @@ class MoveMission:
             )
         return self._go(start, None, HOME_WITHIN_M, "where it started")
 
-    def _go(self, xy_m: tuple[float, float], yaw_rad: float | None, within_m: float, what: str,
-            ) -> str:  # fmt: skip
+    def _go(
+        self,
+        xy_m: tuple[float, float],
+        yaw_rad: float | None,
+        within_m: float,
+        what: str,
+    ) -> str:
         self._tell(f"going to {point_text(xy_m)}", xy_m)
         goal = PointGoal(self.base, xy_m, within_m, lambda barred: self._on_stage(xy_m, barred))
         goal.restore(self._restored)
@@ -90,9 +95,10 @@ class MoveMission:
             point_text(xy_m), *barred.stand, barred.before_m, barred.after_m
         )
         terms = {
-            "way_m": barred.before_m, "unknown_m": barred.after_m,
+            "way_m": barred.before_m,
+            "unknown_m": barred.after_m,
             "total": -(barred.before_m + barred.after_m),
-        }  # fmt: skip
+        }
         candidate = Candidate("frontier", "end of the known way", (*barred.stand, 0.0), terms)
         self.robot.listener.on_decision(
             Decision(DecisionRule.WAY_THROUGH_UNKNOWN, Do.GO_TO_FRONTIER, (candidate,), 0, why)

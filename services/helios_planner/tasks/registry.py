@@ -389,7 +389,7 @@ class TaskReporter:
         self._pace.on_step(steps, time.monotonic())
         self._registry.change(
             self._id, steps=steps, progress=self._pace.progress, eta_s=self._eta_s()
-        )  # fmt: skip
+        )
 
     def on_picks(self, picks: int) -> None:
         self._registry.change(self._id, picks=picks)

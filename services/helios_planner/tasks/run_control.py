@@ -77,9 +77,13 @@ class TaskCalls:
     every action to the journal before it is sent."""
 
     def __init__(
-        self, bus: Bus, journal: Journal, hold: PauseControl, reporter: TaskReporter,
+        self,
+        bus: Bus,
+        journal: Journal,
+        hold: PauseControl,
+        reporter: TaskReporter,
         keep_within_s: float,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """keep_within_s: longest wait of an action for the journal."""
         self._bus, self._journal, self._hold, self._reporter = bus, journal, hold, reporter
         self._keep_within_s = keep_within_s

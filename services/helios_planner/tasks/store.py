@@ -133,8 +133,15 @@ class Store:
         """Store the journal of a running task."""
         request = entry.request.SerializeToString() if entry.request is not None else None
         result = entry.result.SerializeToString() if entry.result is not None else None
-        row = (task_id, entry.life, request, result, json.dumps(entry.checkpoint),
-               json.dumps(entry.epoch), time.time())  # fmt: skip
+        row = (
+            task_id,
+            entry.life,
+            request,
+            result,
+            json.dumps(entry.checkpoint),
+            json.dumps(entry.epoch),
+            time.time(),
+        )
         return self._write(("INSERT OR REPLACE INTO journal VALUES (?, ?, ?, ?, ?, ?, ?)", row))
 
     def entry(self, task_id: str) -> Entry | None:

@@ -44,8 +44,9 @@ class WriteProof:
             log.error(
                 "%s cannot be removed (%s); if the planner ends now, a task may be taken up again "
                 "though it has ended",
-                self._path, error.strerror,
-            )  # fmt: skip
+                self._path,
+                error.strerror,
+            )
 
     def _sync_folder(self) -> None:
         folder = os.open(self._path.parent, os.O_RDONLY)

@@ -62,9 +62,13 @@ def transform_from_proto(transform: pb.Transform, what: str = "the transform") -
 def pinhole_to_proto(camera: Pinhole) -> pb.Pinhole:
     """Message of the intrinsics and the image size in pixels."""
     return pb.Pinhole(
-        fx=camera.fx, fy=camera.fy, cx=camera.cx, cy=camera.cy,
-        width=camera.width, height=camera.height,
-    )  # fmt: skip
+        fx=camera.fx,
+        fy=camera.fy,
+        cx=camera.cx,
+        cy=camera.cy,
+        width=camera.width,
+        height=camera.height,
+    )
 
 
 def pinhole_from_proto(camera: pb.Pinhole) -> Pinhole:
@@ -140,22 +144,26 @@ def _frame_head(frame: Frame) -> pb.Frame:
     """Message of a frame without the bytes of its images."""
     height, width = frame.depth_m.shape
     out = pb.Frame(
-        id=frame_id_to_proto(frame.id), keyframe=frame.keyframe, held=frame.held,
+        id=frame_id_to_proto(frame.id),
+        keyframe=frame.keyframe,
+        held=frame.held,
         origin_id=frame.origin_id,
-    )  # fmt: skip
+    )
     out.stamp.FromNanoseconds(frame.stamp_ns)
     out.raw_color.CopyFrom(
-        RawImage(width=width, height=height, encoding="rgb8", step=3 * width,
-                 frame_id="camera")
-    )  # fmt: skip
+        RawImage(width=width, height=height, encoding="rgb8", step=3 * width, frame_id="camera")
+    )
     out.raw_depth.CopyFrom(
-        RawImage(width=width, height=height, encoding="16UC1", step=2 * width,
-                 frame_id="camera")
-    )  # fmt: skip
+        RawImage(width=width, height=height, encoding="16UC1", step=2 * width, frame_id="camera")
+    )
     out.calibration.CopyFrom(
-        CameraCalibration(width=frame.camera.width, height=frame.camera.height, frame_id="camera",
-                          K=frame.camera.matrix.ravel().tolist())
-    )  # fmt: skip
+        CameraCalibration(
+            width=frame.camera.width,
+            height=frame.camera.height,
+            frame_id="camera",
+            K=frame.camera.matrix.ravel().tolist(),
+        )
+    )
     out.T_world_cam.CopyFrom(pose_to_proto(frame.T_world_cam, frame.stamp_ns))
     out.T_world_base.CopyFrom(pose_to_proto(frame.T_world_base, frame.stamp_ns))
     if frame.shown is not None:
@@ -197,9 +205,15 @@ def frame_from_proto(frame: FrameMessage) -> Frame:
     if len(K) != 9:
         raise InvalidInput(f"the calibration's K has {len(K)} numbers; send 9, row by row")
     camera = pinhole_from_proto(
-        pb.Pinhole(fx=K[0], fy=K[4], cx=K[2], cy=K[5],
-                   width=frame.calibration.width, height=frame.calibration.height)
-    )  # fmt: skip
+        pb.Pinhole(
+            fx=K[0],
+            fy=K[4],
+            cx=K[2],
+            cy=K[5],
+            width=frame.calibration.width,
+            height=frame.calibration.height,
+        )
+    )
     if abs(frame.stamp.seconds) > LATEST_S or not 0 <= frame.stamp.nanos < 1_000_000_000:
         raise InvalidInput(
             f"the frame's stamp is {frame.stamp.seconds} s and {frame.stamp.nanos} ns; send the "

@@ -43,7 +43,11 @@ class CatalogueModel:
 APACHE, MIT = "Apache-2.0", "MIT"
 CATALOGUE: tuple[CatalogueModel, ...] = (
     CatalogueModel(
-        "yolox_nano.onnx", "detector", APACHE, 0.9, ONNX,
+        "yolox_nano.onnx",
+        "detector",
+        APACHE,
+        0.9,
+        ONNX,
         "https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0/yolox_nano.onnx",
     ),
     CatalogueModel("omlab/omdet-turbo-swin-tiny-hf", "detector", APACHE, 115),
@@ -53,7 +57,10 @@ CATALOGUE: tuple[CatalogueModel, ...] = (
         "openmmlab-community/mm_grounding_dino_tiny_o365v1_goldg_v3det", "detector", APACHE, 173
     ),
     CatalogueModel(
-        "facebook/sam3", "detector", "SAM License", 840,
+        "facebook/sam3",
+        "detector",
+        "SAM License",
+        840,
         note="gated: accept the licence on its page and set HF_TOKEN",
     ),
     CatalogueModel("facebook/sam2.1-hiera-small", "masks", APACHE, 46),
@@ -64,13 +71,11 @@ CATALOGUE: tuple[CatalogueModel, ...] = (
     CatalogueModel("openai/clip-vit-base-patch32", "scorer", MIT, 151),
     CatalogueModel("google/siglip2-base-patch16-224", "scorer", APACHE, 375),
     CatalogueModel("Salesforce/blip2-itm-vit-g", "scorer", MIT, 1100),
-    CatalogueModel(
-        "depth-anything/Depth-Anything-V2-Metric-Indoor-Small-hf", "depth", APACHE, 25
-    ),
+    CatalogueModel("depth-anything/Depth-Anything-V2-Metric-Indoor-Small-hf", "depth", APACHE, 25),
     CatalogueModel(
         "apple/DepthPro-hf", "depth", "Apple's research licence", 950, note="not for products"
     ),
-)  # fmt: skip
+)
 
 
 def known(id: str) -> CatalogueModel | None:

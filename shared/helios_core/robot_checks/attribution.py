@@ -77,24 +77,31 @@ def _height(higher_m: Estimate | None, more: str) -> Finding:
         return not_measured(f.HEIGHT, NO_FLOOR)
     than = "than its pose says"
     return judged(
-        f.HEIGHT, higher_m,
+        f.HEIGHT,
+        higher_m,
         f"the camera is {{size}} higher {than}{more.format(way='long')}",
         f"the camera is {{size}} lower {than}{more.format(way='short')}",
         "the camera's height is as its pose says",
-    )  # fmt: skip
+    )
 
 
 def _scale(scale: Estimate) -> Finding:
     percent = Estimate(100 * scale.value, max(100 * scale.error, f.DEPTH_SCALE.floor), scale.n)
     return judged(
-        f.DEPTH_SCALE, percent, "depth reads {size} too long", "depth reads {size} too short",
+        f.DEPTH_SCALE,
+        percent,
+        "depth reads {size} too long",
+        "depth reads {size} too short",
         "depth and driven distances agree",
-    )  # fmt: skip
+    )
 
 
 def _distance(ratio: Estimate, more: str) -> Finding:
     percent = Estimate(-100 * ratio.value, max(100 * ratio.error, f.DISTANCE.floor), ratio.n)
     return judged(
-        f.DISTANCE, percent, f"the poses drive {{size}} too far{more}",
-        f"the poses drive {{size}} too little{more}", "the poses drive as far as the images",
-    )  # fmt: skip
+        f.DISTANCE,
+        percent,
+        f"the poses drive {{size}} too far{more}",
+        f"the poses drive {{size}} too little{more}",
+        "the poses drive as far as the images",
+    )

@@ -118,9 +118,15 @@ class RobotChecks:
             self._height(), self._height_m, self._distance_ratio()
         )
         return (
-            *self._tilts(), height, scale, self._registration(), self._offset(), self._heading(),
-            distance, intrinsics,
-        )  # fmt: skip
+            *self._tilts(),
+            height,
+            scale,
+            self._registration(),
+            self._offset(),
+            self._heading(),
+            distance,
+            intrinsics,
+        )
 
     # --- one image, two images ----------------------------------------------------------------
     def _compare(
@@ -165,14 +171,20 @@ class RobotChecks:
         than = "than its pose says"
         return (
             judged(
-                f.PITCH, down, f"{looks} down {than}", f"{looks} up {than}",
+                f.PITCH,
+                down,
+                f"{looks} down {than}",
+                f"{looks} up {than}",
                 "the camera's pitch is as its pose says",
             ),
             judged(
-                f.ROLL, right, f"{leans} right {than}", f"{leans} left {than}",
+                f.ROLL,
+                right,
+                f"{leans} right {than}",
+                f"{leans} left {than}",
                 "the camera's roll is as its pose says",
             ),
-        )  # fmt: skip
+        )
 
     def _height(self) -> Estimate | None:
         """How much higher the camera is above the floor, as depth measures it, than claimed."""
@@ -224,10 +236,12 @@ class RobotChecks:
         offset_s, error_s = found
         images = "the images are {size}"
         return judged(
-            f.TIME_OFFSET, Estimate(offset_s, max(error_s, f.TIME_OFFSET.floor), 1),
-            f"{images} older than their poses", f"{images} newer than their poses",
+            f.TIME_OFFSET,
+            Estimate(offset_s, max(error_s, f.TIME_OFFSET.floor), 1),
+            f"{images} older than their poses",
+            f"{images} newer than their poses",
             "images and poses are of the same time",
-        )  # fmt: skip
+        )
 
     def _heading(self) -> Finding:
         if self._lacks_turns:
@@ -240,9 +254,12 @@ class RobotChecks:
         assert found is not None
         poses, turn = "the poses turn", "{size}, compared with the images"
         return judged(
-            f.HEADING, found, f"{poses} too far by {turn}", f"{poses} too little by {turn}",
+            f.HEADING,
+            found,
+            f"{poses} too far by {turn}",
+            f"{poses} too little by {turn}",
             "the poses turn as far as the images",
-        )  # fmt: skip
+        )
 
 
 def _yaw_between(T_b_a: Matrix, T_world_b: Matrix) -> float:

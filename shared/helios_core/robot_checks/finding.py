@@ -88,9 +88,14 @@ def judged(check: Limit, found: Estimate, more: str, less: str, right: str) -> F
     wrong = size > check.limit and size > SIGNIFICANT * found.error
     words = (more if found.value > 0 else less) if wrong else right
     return Finding(
-        check.name, "wrong" if wrong else "ok", found.value, found.error, check.limit, check.unit,
+        check.name,
+        "wrong" if wrong else "ok",
+        found.value,
+        found.error,
+        check.limit,
+        check.unit,
         words.format(size=shown(size, check.unit)),
-    )  # fmt: skip
+    )
 
 
 def not_measured(check: Limit, why: str) -> Finding:

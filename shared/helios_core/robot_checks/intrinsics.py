@@ -20,9 +20,14 @@ def intrinsics_finding(camera: Pinhole | None, described: Pinhole | None = None)
     off = 100.0 * max(across, along, key=abs)
     words = _fault(camera, described, off)
     return Finding(
-        INTRINSICS.name, "wrong" if words else "ok", off, 0.0, INTRINSICS.limit, INTRINSICS.unit,
+        INTRINSICS.name,
+        "wrong" if words else "ok",
+        off,
+        0.0,
+        INTRINSICS.limit,
+        INTRINSICS.unit,
         words or "the intrinsics fit the image's size",
-    )  # fmt: skip
+    )
 
 
 def _fault(camera: Pinhole, described: Pinhole | None, off: float) -> str:

@@ -71,9 +71,13 @@ def plane_field(depth_m: NDArray[np.float32], camera: Pinhole) -> PlaneField:
     c[~(sii - (c * b).sum(-1) <= n * FLAT_PER_M**2)] = np.nan
     step *= 2
     small = Pinhole(
-        camera.fx / step, camera.fy / step, camera.cx / step, camera.cy / step,
-        n.shape[1], n.shape[0],
-    )  # fmt: skip
+        camera.fx / step,
+        camera.fy / step,
+        camera.cx / step,
+        camera.cy / step,
+        n.shape[1],
+        n.shape[0],
+    )
     x, y = (u / 2 - small.cx) / small.fx, (v / 2 - small.cy) / small.fy
     gx, gy = 2 * c[..., 1] * small.fx, 2 * c[..., 2] * small.fy  # per tangent
     return PlaneField(np.stack([gx, gy, c[..., 0] - gx * x - gy * y], -1), small)

@@ -56,25 +56,36 @@ def add_ball(out: SceneEntity, center_m: Xyz, diameter_m: float, rgb: Rgb) -> No
 
 def add_line(out: SceneEntity, points_m: Sequence[Xyz], width_m: float, rgb: Rgb) -> None:
     out.lines.add(
-        type=LinePrimitive.LINE_STRIP, pose=pose((0.0, 0.0, 0.0)), thickness=width_m,
-        color=color(rgb), points=[Point3(x=x, y=y, z=z) for x, y, z in points_m],
-    )  # fmt: skip
+        type=LinePrimitive.LINE_STRIP,
+        pose=pose((0.0, 0.0, 0.0)),
+        thickness=width_m,
+        color=color(rgb),
+        points=[Point3(x=x, y=y, z=z) for x, y, z in points_m],
+    )
 
 
 def add_arrow(out: SceneEntity, at_m: Xyz, yaw_rad: float, rgb: Rgb) -> None:
     """Add a horizontal arrow, 0.45 m long."""
     out.arrows.add(
-        pose=pose(at_m, yaw_rad), shaft_length=0.3, shaft_diameter=0.05, head_length=0.15,
-        head_diameter=0.12, color=color(rgb),
-    )  # fmt: skip
+        pose=pose(at_m, yaw_rad),
+        shaft_length=0.3,
+        shaft_diameter=0.05,
+        head_length=0.15,
+        head_diameter=0.12,
+        color=color(rgb),
+    )
 
 
 def add_words(out: SceneEntity, at_m: Xyz, words: str, rgb: Rgb) -> None:
     """Add text that always faces the viewer, of the same height on the screen at any distance."""
     out.texts.add(
-        pose=pose(at_m), billboard=True, font_size=LETTER_PX, scale_invariant=True,
-        color=color(rgb), text=words,
-    )  # fmt: skip
+        pose=pose(at_m),
+        billboard=True,
+        font_size=LETTER_PX,
+        scale_invariant=True,
+        color=color(rgb),
+        text=words,
+    )
 
 
 def pose(at_m: Xyz, yaw_rad: float = 0.0) -> Pose:

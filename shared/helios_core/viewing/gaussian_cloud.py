@@ -13,13 +13,17 @@ from helios_core.viewing.entry import Entry
 from helios_core.viewing.foxglove_scene import WORLD, pose, stamp
 from helios_core.viewing.map_entries import RGBA, name_fields
 
-SPLAT = np.dtype([
-    ("x", "<f4"), ("y", "<f4"), ("z", "<f4"),  # mean (m)
-    *RGBA,  # observed colour; alpha is the opacity
-    ("radius", "<f4"),  # one standard deviation (m)
-    ("probability", "<f4"),  # of the most likely class, 0 to 1
-    ("object", "<u4"),  # id of its object; 0: of none
-])  # fmt: skip
+SPLAT = np.dtype(
+    [
+        ("x", "<f4"),
+        ("y", "<f4"),
+        ("z", "<f4"),  # mean (m)
+        *RGBA,  # observed colour; alpha is the opacity
+        ("radius", "<f4"),  # one standard deviation (m)
+        ("probability", "<f4"),  # of the most likely class, 0 to 1
+        ("object", "<u4"),  # id of its object; 0: of none
+    ]
+)
 
 
 def gaussian_entry(reply: pb.GaussiansReply, stamp_ns: int) -> Entry:
@@ -29,9 +33,12 @@ def gaussian_entry(reply: pb.GaussiansReply, stamp_ns: int) -> Entry:
     """
     points = splats(reply)
     out = PointCloud(
-        timestamp=stamp(stamp_ns), frame_id=WORLD, pose=pose((0.0, 0.0, 0.0)),
-        point_stride=SPLAT.itemsize, data=points.tobytes(),
-    )  # fmt: skip
+        timestamp=stamp(stamp_ns),
+        frame_id=WORLD,
+        pose=pose((0.0, 0.0, 0.0)),
+        point_stride=SPLAT.itemsize,
+        data=points.tobytes(),
+    )
     name_fields(out, SPLAT)
     return Entry(GAUSSIANS, out)
 

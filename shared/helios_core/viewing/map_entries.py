@@ -51,8 +51,13 @@ FRONTIER_RGB: Rgb = (240, 126, 24)
 BEYOND_RGB: Rgb = (190, 150, 120)  # frontiers that the robot cannot reach
 TRAIL_RGB: Rgb = (72, 122, 214)
 OBJECT_RGB: tuple[Rgb, ...] = (
-    (196, 44, 92), (128, 62, 190), (0, 128, 150), (168, 110, 0), (70, 120, 30), (200, 70, 40),
-)  # fmt: skip
+    (196, 44, 92),
+    (128, 62, 190),
+    (0, 128, 150),
+    (168, 110, 0),
+    (70, 120, 30),
+    (200, 70, 40),
+)
 VALUE_ALPHA = 180
 VALUE_STEPS = 250.0  # values are rounded to 1 / 250, for compression
 
@@ -61,9 +66,11 @@ OCCUPANCY_CELL = np.dtype([*RGBA, ("occupancy", "i1")])
 POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), *RGBA])
 VALUE_CELL = np.dtype([*RGBA, ("value", "<f4")])
 NUMERIC = {
-    "|u1": PackedElementField.UINT8, "|i1": PackedElementField.INT8,
-    "<f4": PackedElementField.FLOAT32, "<u4": PackedElementField.UINT32,
-}  # fmt: skip
+    "|u1": PackedElementField.UINT8,
+    "|i1": PackedElementField.INT8,
+    "<f4": PackedElementField.FLOAT32,
+    "<u4": PackedElementField.UINT32,
+}
 
 
 def map_entries(view: MapView, gone: frozenset[str], stamp_ns: int) -> Iterator[Entry]:
@@ -104,9 +111,12 @@ def obstacle_cloud(view: MapView, stamp_ns: int) -> PointCloud:
     points["z"] = view.top_m[occupied]
     _paint(points, _by_height(view.top_m[occupied]).round().astype(np.uint8), np.uint8(255))
     out = PointCloud(
-        timestamp=stamp(stamp_ns), frame_id=WORLD, pose=pose((0.0, 0.0, 0.0)),
-        point_stride=POINT.itemsize, data=points.tobytes(),
-    )  # fmt: skip
+        timestamp=stamp(stamp_ns),
+        frame_id=WORLD,
+        pose=pose((0.0, 0.0, 0.0)),
+        point_stride=POINT.itemsize,
+        data=points.tobytes(),
+    )
     name_fields(out, POINT)
     return out
 
@@ -142,9 +152,12 @@ def frontier_scene(view: MapView, stamp_ns: int) -> SceneUpdate:
         if not (math.isfinite(f.x_m) and math.isfinite(f.y_m)):
             continue
         about = {
-            "frontier": f.id, "size_m": f.size_m, "reachable": f.reachable, "map": view.version,
+            "frontier": f.id,
+            "size_m": f.size_m,
+            "reachable": f.reachable,
+            "map": view.version,
             **dict(f.values),
-        }  # fmt: skip
+        }
         shown = entity(f"frontier {f.id}", stamp_ns, about)
         rgb = FRONTIER_RGB if f.reachable else BEYOND_RGB
         add_ball(shown, (f.x_m, f.y_m, 0.1), 0.15, rgb)
@@ -173,10 +186,15 @@ def object_entry(reply: pb.ObjectsReply, stamp_ns: int) -> Entry:
         if box is None:
             continue
         about: Mapping[str, object] = {
-            "object": o.id, "class": o.class_name, "score": o.score, "class_score": o.class_score,
-            "uncertainty": o.uncertainty, "views": o.views, "gaussians": o.gaussians,
+            "object": o.id,
+            "class": o.class_name,
+            "score": o.score,
+            "class_score": o.class_score,
+            "uncertainty": o.uncertainty,
+            "views": o.views,
+            "gaussians": o.gaussians,
             "map": reply.version,
-        }  # fmt: skip
+        }
         shown = entity(f"object {o.id}", stamp_ns, about)
         rgb = OBJECT_RGB[zlib.crc32(o.class_name.encode()) % len(OBJECT_RGB)]
         add_box(shown, box, rgb, 0.4)
@@ -205,10 +223,14 @@ def _grid(view: MapView, cells: NDArray[np.void], z_m: float, stamp_ns: int) -> 
     """Grid of cells [rows, columns] at their place on the floor; z_m is the height of the layer."""
     stride = cells.dtype.itemsize
     out = Grid(
-        timestamp=stamp(stamp_ns), frame_id=WORLD, pose=pose((*view.origin_m, z_m)),
-        column_count=cells.shape[1], cell_stride=stride, row_stride=cells.shape[1] * stride,
+        timestamp=stamp(stamp_ns),
+        frame_id=WORLD,
+        pose=pose((*view.origin_m, z_m)),
+        column_count=cells.shape[1],
+        cell_stride=stride,
+        row_stride=cells.shape[1] * stride,
         data=cells.tobytes(),
-    )  # fmt: skip
+    )
     out.cell_size.x = out.cell_size.y = view.cell_m
     name_fields(out, cells.dtype)
     return out

@@ -52,14 +52,18 @@ class MapPoller:
         self._bus, self._put, self._count = bus, put, count
         self._within_s = ANSWER_WITHIN_S
         self._changed = threading.Condition()  # guards `_times`; notified of news and of the end
-        self._times = PollTimes({
-            "map2d": period_s, "objectmap": period_s,
-            "gaussians": max(period_s, GAUSSIANS_PERIOD_S),
-        })  # fmt: skip
+        self._times = PollTimes(
+            {
+                "map2d": period_s,
+                "objectmap": period_s,
+                "gaussians": max(period_s, GAUSSIANS_PERIOD_S),
+            }
+        )
         self._asks = {
-            "map2d": self._ask_map2d, "objectmap": self._ask_objects,
+            "map2d": self._ask_map2d,
+            "objectmap": self._ask_objects,
             "gaussians": self._ask_gaussians,
-        }  # fmt: skip
+        }
         self._putting = threading.Lock()  # held while an entry is put, so that none follows `close`
         self._ending = threading.Event()
         self._map_version, self._map_id = 0, ""

@@ -128,9 +128,11 @@ def _calibration(frame: pb.Frame) -> CameraCalibration:
 
 def _transform(pose: PoseInFrame, child: str, taken: Timestamp) -> FrameTransform:
     out = FrameTransform(
-        timestamp=taken, parent_frame_id="world", child_frame_id=child,
+        timestamp=taken,
+        parent_frame_id="world",
+        child_frame_id=child,
         rotation=pose.pose.orientation,
-    )  # fmt: skip
+    )
     p = pose.pose.position
     out.translation.x, out.translation.y, out.translation.z = p.x, p.y, p.z
     return out

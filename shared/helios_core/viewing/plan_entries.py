@@ -67,9 +67,14 @@ def candidate_entry(decision: pb.Decision, stamp_ns: int) -> Entry:
         if not all(map(math.isfinite, at_m)):
             continue
         about = {
-            "kind": c.kind, "name": c.name, "id": c.id, "chosen": c.chosen, "rule": decision.rule,
-            "decision": decision.index, **dict(c.terms),
-        }  # fmt: skip
+            "kind": c.kind,
+            "name": c.name,
+            "id": c.id,
+            "chosen": c.chosen,
+            "rule": decision.rule,
+            "decision": decision.index,
+            **dict(c.terms),
+        }
         shown = entity(f"candidate {k}", stamp_ns, about)
         rgb = CHOSEN_RGB if c.chosen else OTHER_RGB
         add_ball(shown, at_m, 0.22 if c.chosen else 0.14, rgb)

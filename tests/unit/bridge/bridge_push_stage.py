@@ -27,10 +27,16 @@ def pushed(**id_: Any) -> pb.Frame:
     """A frame as an external sender pushes it: without T_world_base."""
     frame = frame_to_proto(
         Frame(
-            FrameId("", 0, 0), 5, True, np.full((12, 16, 3), 9, np.uint8),
-            np.full((12, 16), 1.5, np.float32), CAMERA, T_WORLD_CAM, np.eye(4),
+            FrameId("", 0, 0),
+            5,
+            True,
+            np.full((12, 16, 3), 9, np.uint8),
+            np.full((12, 16), 1.5, np.float32),
+            CAMERA,
+            T_WORLD_CAM,
+            np.eye(4),
         )
-    )  # fmt: skip
+    )
     frame.ClearField("T_world_base")
     frame.id.CopyFrom(pb.FrameId(**id_))
     return frame
@@ -46,7 +52,7 @@ class Rig:
         values: dict[str, Any] = {"stream_hz": 0.0, **settings}
         self.bridge = BridgeService(
             self.bus, driver or PushDriver(), Settings(**values), self.health, 0
-        )  # fmt: skip
+        )
         self.parts = set(ALL)
         self.refusal = ""
         self.keyframes: list[pb.Frame] = []
@@ -60,9 +66,12 @@ class Rig:
             service, part = name.split("/")
             topic = MAP2D_ACK if service == "map2d" else OBJECTMAP_ACK
             ack = pb.Ack(
-                service=service, part=part, id=frame.id, accepted=not self.refusal,
+                service=service,
+                part=part,
+                id=frame.id,
+                accepted=not self.refusal,
                 reason=self.refusal,
-            )  # fmt: skip
+            )
             self.other.publish(topic, ack)
 
     def push(self, frame: pb.Frame, wait_s: float = 0.05, classes: tuple[str, ...] = ()):

@@ -92,7 +92,7 @@ def test_a_hanging_stop_cannot_be_cleared_until_the_driver_returns(stage: Stage)
     assert isinstance(stage.robot, Hanging)
     stage.robot.go_on.set()
     wait_until(lambda: stage.health.state[0] != "degraded", 5, "it comes back")
-    wait_until(lambda: not stage.bridge._stop_hangs(), 5, "it is over")
+    wait_until(lambda: not stage.bridge._stopping._stop_hangs(), 5, "it is over")
     assert stage.bridge.state().stopped
     stage.other.call(CLEAR_STOP, pb.Empty(), 1)
     assert stage.drive("a").succeeded

@@ -38,9 +38,11 @@ class Stage:
     def act(self, action: Action) -> None:
         self._actions += 1
         request = pb.ActionRequest(
-            action_id=str(self._actions), lease_token=self._token, time_remaining_s=CALL_S,
+            action_id=str(self._actions),
+            lease_token=self._token,
+            time_remaining_s=CALL_S,
             action=action_to_proto(action),
-        )  # fmt: skip
+        )
         assert self.bus.call(ACT, request, CALL_S).succeeded
 
     def checks(self, restart: bool = False) -> dict[str, pb.RobotCheck]:

@@ -25,9 +25,12 @@ from tests.unit.bridge.bridge_stage import LineRobot, Stage
 def act(stage: Stage, action_id: str, beats: bool) -> pb.ActionResult:
     token = stage.other.call(LEASE, pb.LeaseRequest(holder="planner"), 1).token
     request = pb.ActionRequest(
-        action_id=action_id, lease_token=token, time_remaining_s=20, beats=beats,
+        action_id=action_id,
+        lease_token=token,
+        time_remaining_s=20,
+        beats=beats,
         action=pb.Action(forward=pb.Action.Forward(distance_m=0.5)),
-    )  # fmt: skip
+    )
     return stage.other.call(ACT, request, 10)
 
 
@@ -65,7 +68,7 @@ def test_a_driver_that_comes_back_late_from_a_halt_may_act_again() -> None:
     with pytest.raises(Unavailable, match="has not come back from ending an action"):
         act(stage, "b", beats=False)
     robot.go_on.set()
-    wait_until(lambda: stage.bridge._halt_call is None, 5, "it has come back")
+    wait_until(lambda: not stage.bridge._stopping.halting, 5, "it has come back")
     assert not robot.stopped
     assert act(stage, "c", beats=False).succeeded
 
@@ -90,7 +93,7 @@ def test_a_halt_that_fails_is_tried_again_while_the_action_runs() -> None:
     assert not ended.succeeded
     assert robot.failures == 0
     assert stage.health.metrics()["halts"] == 1
-    wait_until(lambda: stage.bridge._halt_call is None, 5, "the halt is over")
+    wait_until(lambda: not stage.bridge._stopping.halting, 5, "the halt is over")
     assert not robot.stopped
     assert act(stage, "b", beats=False).succeeded
 
@@ -105,7 +108,7 @@ def test_a_halt_that_always_failed_is_no_fault_once_the_action_is_over() -> None
     wait_until(lambda: stage.health.state[0] == "degraded", 10, "the halt fails")
     robot.hold.set()
     acting.join(10)
-    wait_until(lambda: stage.bridge._halt_call is None, 5, "the halt is over")
+    wait_until(lambda: not stage.bridge._stopping.halting, 5, "the halt is over")
     wait_until(lambda: stage.health.state[0] != "degraded", 5, "the fault is over")
 
 

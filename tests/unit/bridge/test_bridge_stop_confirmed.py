@@ -172,9 +172,16 @@ def test_a_killed_bridge_process_starts_stopped_again(tmp_path: Path) -> None:
 
     router = f"tcp/127.0.0.1:{free_port()}"
     argv = [
-        sys.executable, "-m", "helios_bridge", "--router", router, "--state-dir", str(tmp_path),
-        "--driver", "helios_examples.room_robot:RoomRobot",
-    ]  # fmt: skip
+        sys.executable,
+        "-m",
+        "helios_bridge",
+        "--router",
+        router,
+        "--state-dir",
+        str(tmp_path),
+        "--driver",
+        "helios_examples.room_robot:RoomRobot",
+    ]
     running = [
         subprocess.Popen([sys.executable, "-m", "helios_core.router", "--listen", router]),
         subprocess.Popen(argv),

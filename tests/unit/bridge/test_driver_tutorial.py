@@ -25,8 +25,12 @@ def copied_driver(folder: Path) -> Path:
 def run_contract(driver: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "helios_contract", "my_robot:MyRobot"],
-        cwd=driver.parent, capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        cwd=driver.parent,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
 
 
 def test_the_copied_driver_passes_the_contract_suite(tmp_path: Path) -> None:

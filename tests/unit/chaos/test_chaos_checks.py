@@ -36,8 +36,9 @@ def test_a_missing_task_and_an_open_journal_of_an_ended_one_are_found(tmp_path: 
     with sqlite3.connect(path) as db:
         db.execute("INSERT INTO journal VALUES ('a', 0, NULL, NULL, '{}', '', 0)")
     assert journal_faults(tmp_path, ["a", "b"]) == [
-        "task b is missing", "task a has ended and is still in the journal",
-    ]  # fmt: skip
+        "task b is missing",
+        "task a has ended and is still in the journal",
+    ]
 
 
 def test_a_damaged_file_is_found(tmp_path: Path) -> None:

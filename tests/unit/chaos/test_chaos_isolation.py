@@ -40,9 +40,12 @@ def test_without_a_compiler_the_clock_is_skipped(monkeypatch: pytest.MonkeyPatch
 def test_the_wall_clock_jumps_and_the_monotonic_clock_does_not(tmp_path: Path) -> None:
     clock = WallClock(tmp_path)
     process = subprocess.Popen(
-        [sys.executable, "-c", TELL], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        [sys.executable, "-c", TELL],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
         env=os.environ | clock.environment,
-    )  # fmt: skip
+    )
 
     def told() -> tuple[float, float]:
         assert process.stdin is not None

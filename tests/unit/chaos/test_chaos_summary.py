@@ -41,6 +41,9 @@ def test_the_command_prints_markdown(tmp_path: Path) -> None:
     (tmp_path / "a.json").write_text(json.dumps(run(fault("kill", None))))
     done = subprocess.run(
         [sys.executable, "-m", "helios_chaos.summary", str(tmp_path / "a.json")],
-        capture_output=True, text=True, timeout=60, check=True,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
     assert "\n| kill | 1 |  |  |  |  |  |\n" in done.stdout

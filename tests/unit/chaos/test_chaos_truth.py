@@ -26,10 +26,12 @@ def home(mug_on: str, cup_on: str = "desk_0") -> Home:
 @pytest.mark.parametrize(
     ("after", "is_there"),
     [
-        (home("bed_0"), True), (home("desk_0"), False), (home(""), False),
+        (home("bed_0"), True),
+        (home("desk_0"), False),
+        (home(""), False),
         (home("desk_0", "bed_0"), False),  # another thing
     ],
-)  # fmt: skip
+)
 def test_a_move_is_done_if_a_thing_of_the_class_went_to_the_goal(
     after: Home, is_there: bool
 ) -> None:
@@ -58,11 +60,13 @@ def truth(mug_on: str) -> pb.TruthObjects:
 @pytest.mark.parametrize(
     ("state", "mug_on", "untrue"),
     [
-        ("succeeded", "bed_0", ""), ("succeeded", "desk_0", "moved: nothing"),
-        ("failed", "desk_0", ""), ("failed", "bed_0", "moved: mug_0 on bed"),
+        ("succeeded", "bed_0", ""),
+        ("succeeded", "desk_0", "moved: nothing"),
+        ("failed", "desk_0", ""),
+        ("failed", "bed_0", "moved: mug_0 on bed"),
         ("cancelled", "desk_0", "nobody cancelled it"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_success_a_wrong_failure_and_a_strange_cancellation_are_untrue(
     state: str, mug_on: str, untrue: str
 ) -> None:

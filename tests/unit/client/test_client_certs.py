@@ -68,14 +68,18 @@ def test_init_creates_one_name_per_service_robot_and_operator(tmp_path: Path) ->
         "robot", "world", "evaluation",
     )  # fmt: skip
     assert names == {f"{s}.{r}" for s in per_robot for r in ("r1", "r2")} | {
-        "gateway.r1", "operator.ann", "operator.ben", "program.drive",
-    }  # fmt: skip
+        "gateway.r1",
+        "operator.ann",
+        "operator.ben",
+        "program.drive",
+    }
     for file in (out / "sessions").iterdir():
         [cn] = certificate(file).subject.get_attributes_for_oid(NameOID.COMMON_NAME)
         assert cn.value == file.stem
         assert json.loads(file.read_text())["connect"]["endpoints"] == [
-            "tls/10.0.0.2:7447", "tls/hub:7447"
-        ]  # fmt: skip
+            "tls/10.0.0.2:7447",
+            "tls/hub:7447",
+        ]
 
 
 def test_only_the_owner_can_use_the_folder_whatever_the_umask(tmp_path: Path) -> None:
@@ -176,8 +180,11 @@ def test_add_issues_new_names_and_leaves_the_others_alone(folder: Path) -> None:
     after = {f.name: f.read_bytes() for f in (folder / "sessions").iterdir()}
     assert after.items() > before.items()
     assert after.keys() > {
-        "map2d.r2.json5", "operator.ann.json5", "world.r2.json5", "world.robot.json5"
-    }  # fmt: skip
+        "map2d.r2.json5",
+        "operator.ann.json5",
+        "world.r2.json5",
+        "world.robot.json5",
+    }
     assert "detector.r2.json5" not in after
     assert credentials_of(folder / "router.json5") == router
     rules = json.loads((folder / "router.json5").read_text())["access_control"]["rules"]

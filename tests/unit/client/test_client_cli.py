@@ -188,12 +188,17 @@ def test_the_shell_completes_commands_and_subcommands(monkeypatch: pytest.Monkey
     for words, expected in (("helios cl", "clear-stop"), ("helios map ex", "export")):
         done = subprocess.run(
             [sys.executable, "-c", "from helios_client.cli import main; main()"],
-            env=os.environ | {
-                "_HELIOS_COMPLETE": "complete_bash", "COMP_WORDS": words,
+            env=os.environ
+            | {
+                "_HELIOS_COMPLETE": "complete_bash",
+                "COMP_WORDS": words,
                 "COMP_CWORD": str(words.count(" ")),
             },
-            capture_output=True, text=True, check=False, timeout=60,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=60,
+        )
         assert expected in done.stdout.split(), done.stderr
 
 
@@ -201,9 +206,12 @@ def test_the_shell_completes_commands_and_subcommands(monkeypatch: pytest.Monkey
     ("set_to", "folder"), [("1", Path("recordings")), ("0", None), (None, None)]
 )
 def test_an_environment_variable_makes_every_start_record(
-    set_to: str | None, folder: Path | None, helios: Helios, monkeypatch: pytest.MonkeyPatch,
+    set_to: str | None,
+    folder: Path | None,
+    helios: Helios,
+    monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
-) -> None:  # fmt: skip
+) -> None:
     started: list[StackOptions] = []
     monkeypatch.setattr("helios_client.supervision.up.up", lambda stack, *_: started.append(stack))
     if set_to is not None:
@@ -220,10 +228,15 @@ def test_the_version_is_reported_by_an_option_and_by_the_doctor(helios: Helios) 
 
 @pytest.mark.parametrize(
     "args",
-    [["--port", "PORT", "status"], ["--port=PORT", "map", "export"], ["--url", "localhost:PORT",
-     "objects"], ["--port", "1", "status", "--port", "PORT"], ["--robot", "x", "--port", "PORT",
-     "tasks", "--limit", "3"], ["status", "--url", "http://localhost:PORT/"]],
-)  # fmt: skip
+    [
+        ["--port", "PORT", "status"],
+        ["--port=PORT", "map", "export"],
+        ["--url", "localhost:PORT", "objects"],
+        ["--port", "1", "status", "--port", "PORT"],
+        ["--robot", "x", "--port", "PORT", "tasks", "--limit", "3"],
+        ["status", "--url", "http://localhost:PORT/"],
+    ],
+)
 def test_address_options_are_accepted_before_or_after_the_command(
     args: list[str], helios: Helios
 ) -> None:

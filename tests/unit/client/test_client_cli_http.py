@@ -83,8 +83,10 @@ def test_the_gateway_url_may_lack_its_scheme(
 def test_names_here_lists_found_objects_and_example_tasks(gateway: Served, helios: Helios) -> None:
     lines = helios("names", "--here").splitlines()
     assert [line.split()[:-2] for line in lines[1:4]] == [
-        ["coffee", "table"], ["mug"], ["kitchen", "counter"]
-    ]  # fmt: skip
+        ["coffee", "table"],
+        ["mug"],
+        ["kitchen", "counter"],
+    ]
     assert '  helios task "Move the mug from the coffee table to the kitchen counter"' in lines
     assert helios.json("names", "--here")["seen"][1]["objects"] == 2
     gateway.backend.found.clear()
@@ -160,8 +162,9 @@ def test_the_map_is_exported_as_images_and_arrays(helios: Helios, tmp_path: Path
 def test_the_map_is_exported_for_ros(helios: Helios, tmp_path: Path) -> None:
     out = tmp_path / "ros"
     assert helios.json("map", "export", "--ros", "--out", str(out))["files"] == [
-        str(out / "map.pgm"), str(out / "map.yaml")
-    ]  # fmt: skip
+        str(out / "map.pgm"),
+        str(out / "map.yaml"),
+    ]
     assert (out / "map.yaml").read_bytes() == b"walls"
     helios("map", "export", "--ros", "--only", "pick", status=2)
     assert "only the occupancy" in helios.error
@@ -369,9 +372,11 @@ def test_a_request_that_the_gateway_refuses_is_a_usage_error(
 
 
 def test_a_command_on_the_wrong_port_names_the_port_of_a_running_stack(
-    gateway: Served, capsys: pytest.CaptureFixture[str], tmp_path: Path,
+    gateway: Served,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     free = free_port()
     for args in (["task", INSTRUCTION], ["status"]):
         assert run([*args, "--port", str(free)]) == 1

@@ -30,9 +30,15 @@ def test_valid_flags_pass_without_importing_a_plug_in() -> None:
     for robot in (*flag_checks.ROBOTS, "mine_of_a_test:Robot"):
         flag_checks.check_robot(robot)
     for detector in (
-        "simulated", "ground-truth", "recorded", "onnx:nano.onnx", "transformers:a/b", "paint",
-        "mine_of_a_test:Detector", "mine_of_a_test:Detector:0.5",
-    ):  # fmt: skip
+        "simulated",
+        "ground-truth",
+        "recorded",
+        "onnx:nano.onnx",
+        "transformers:a/b",
+        "paint",
+        "mine_of_a_test:Detector",
+        "mine_of_a_test:Detector:0.5",
+    ):
         flag_checks.check_detector(detector)
     for scorer in ("lexical", "minilm", "transformers:a/b", "mine_of_a_test:Scorer"):
         for robot in ("sim", "spot"):

@@ -55,9 +55,14 @@ def test_each_robot_has_its_own_detector_if_the_scorer_is_simulated() -> None:
 
 def test_a_machine_runs_only_the_services_it_is_told_to_and_waits_for_the_rest() -> None:
     stack = StackOptions(
-        "spot", 0, Path("state"), port=8080, name="spot-2", router_at="tcp/10.0.0.2:7447",
+        "spot",
+        0,
+        Path("state"),
+        port=8080,
+        name="spot-2",
+        router_at="tcp/10.0.0.2:7447",
         services=frozenset({"planner", "objectmap"}),
-    )  # fmt: skip
+    )
     assert [spec.name for spec in stack.processes()] == ["objectmap", "planner"]
     assert flags(stack, "planner")["--router"] == "tcp/10.0.0.2:7447"
     assert stack.elsewhere() == ("bridge", "detector", "map2d")

@@ -153,8 +153,10 @@ def test_a_forked_service_ends_when_its_supervisor_is_killed(tmp_path: Path) -> 
     )
     done = subprocess.run(
         [sys.executable, "-c", program, str(tmp_path / "p.log")],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     pid = int(done.stdout)
     wait_until(lambda: not psutil.pid_exists(pid), 10, "the service has ended too")
 

@@ -137,8 +137,9 @@ def test_the_answer_schemas_name_only_fields_of_the_http_interface() -> None:
     for ours, theirs in (
         (answer_models.Vocabulary, api_models.Vocabulary),
         (answer_models.Suggestions, api_models.Suggestions),
-        (answer_models.Robot, api_models.Robot), (answer_models.Status, api_models.Status),
-    ):  # fmt: skip
+        (answer_models.Robot, api_models.Robot),
+        (answer_models.Status, api_models.Status),
+    ):
         assert set(ours.model_fields) <= set(theirs.model_fields)
 
 
@@ -221,11 +222,13 @@ def test_a_refusal_has_the_error_message_of_the_http_interface() -> None:
         ("submit_task", {}, "submit_task: instruction is missing; submit_task wants text"),
         ("drive", {"forward_m": "far"}, "drive: forward_m is 'far'; wanted a number"),
         (
-            "go_to_point", {"x_m": "a", "y_m": None},
+            "go_to_point",
+            {"x_m": "a", "y_m": None},
             "go_to_point: x_m is 'a'; wanted a number; y_m is None; wanted a number",
         ),
         (
-            "list_tasks", {"state": "done"},
+            "list_tasks",
+            {"state": "done"},
             "list_tasks: state is 'done'; wanted one of queued, running, paused, succeeded, "
             "failed, cancelled or null",
         ),
@@ -233,7 +236,7 @@ def test_a_refusal_has_the_error_message_of_the_http_interface() -> None:
         ("robot", {"name": "a"}, "robot has no argument 'name'; it takes none"),
         ("submit_tsak", {}, "there is no tool 'submit_tsak'; did you mean submit_task?"),
     ],
-)  # fmt: skip
+)
 def test_invalid_arguments_are_reported_with_the_expected_value(
     tool: str, arguments: dict[str, Any], sentence: str
 ) -> None:

@@ -20,8 +20,12 @@ from mcp import Client
 from tests.gateway_process import Served, served
 from tests.support import wait_until
 
-TASK = {"id": "t1", "state": "queued", "kind": "go_to_point",
-        "point": {"x_m": 3.2, "y_m": -4.1, "yaw_rad": None}}  # fmt: skip
+TASK = {
+    "id": "t1",
+    "state": "queued",
+    "kind": "go_to_point",
+    "point": {"x_m": 3.2, "y_m": -4.1, "yaw_rad": None},
+}
 
 
 @pytest.fixture
@@ -154,8 +158,11 @@ def test_an_agent_submits_go_explore_and_home_tasks() -> None:
             assert wrong.is_error
             assert "less than or equal to 10000" in str(wrong.content)
             reported = [t.instruction for t in gateway.backend.tasks.values()]
-            assert reported == ["go to 1, -2 facing 90 degrees", "explore the home",
-                            "return to the start"]  # fmt: skip
+            assert reported == [
+                "go to 1, -2 facing 90 degrees",
+                "explore the home",
+                "return to the start",
+            ]
             assert gateway.backend.tasks["t2"].time_limit_s == 30
 
     asyncio.run(act())

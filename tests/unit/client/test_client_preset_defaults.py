@@ -45,8 +45,9 @@ def test_the_stack_has_the_noise_and_the_steps_of_the_evaluation(
 ) -> None:
     stack = stack_of(monkeypatch, tmp_path, "--preset", preset)
     assert loaded(stack) == (
-        home_presets.noise_of(preset), home_presets.default_steps(preset, "ovmm")
-    )  # fmt: skip
+        home_presets.noise_of(preset),
+        home_presets.default_steps(preset, "ovmm"),
+    )
 
 
 def test_large_homes_have_twice_the_steps(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -23,10 +23,13 @@ from helios_core.topics import MAP2D_ACK, OBJECTMAP_ACK, OBJECTS, PICTURE, ROBOT
 
 def ack(part: str, seq: int, accepted: bool = True, update_ms: float = 5.0) -> pb.Ack:
     return pb.Ack(
-        service="objectmap" if part == "objects" else "map2d", part=part,
-        id=pb.FrameId(robot_boot_id="b", seq=seq), accepted=accepted, update_ms=update_ms,
+        service="objectmap" if part == "objects" else "map2d",
+        part=part,
+        id=pb.FrameId(robot_boot_id="b", seq=seq),
+        accepted=accepted,
+        update_ms=update_ms,
         reason="" if accepted else "another search context",
-    )  # fmt: skip
+    )
 
 
 def test_a_frame_counts_after_all_map_parts_have_answered() -> None:
@@ -86,20 +89,24 @@ def test_stage_times_are_medians_of_acks_and_of_service_metrics() -> None:
 def test_results_are_collected_from_the_services_and_written(tmp_path: Path) -> None:
     hub = MemoryHub()
     maps, client = MemoryBus(hub, "robot"), MemoryBus(hub, "robot")
-    cup = pb.ObjectInstance(id=3, class_name="cup", center_m=pb.Vector3(x=1.8, y=0.7, z=0.8),
-                            score=0.6, probabilities={"cup": 0.8, "other": 0.2})  # fmt: skip
+    cup = pb.ObjectInstance(
+        id=3,
+        class_name="cup",
+        center_m=pb.Vector3(x=1.8, y=0.7, z=0.8),
+        score=0.6,
+        probabilities={"cup": 0.8, "other": 0.2},
+    )
     worse = pb.ObjectInstance(id=2, class_name="cup", score=0.1)
     cells = np.array([[0, 100, -1]], np.int8)
-    snapshot = pb.MapSnapshot(version=4, cell_m=0.05, width=3, height=1,
-                              occupancy=zlib.compress(cells.tobytes()))  # fmt: skip
+    snapshot = pb.MapSnapshot(
+        version=4, cell_m=0.05, width=3, height=1, occupancy=zlib.compress(cells.tobytes())
+    )
     maps.serve(OBJECTS, lambda _: pb.ObjectsReply(objects=[worse, cup]))
     maps.serve(PICTURE, lambda request: pb.PictureReply(png=request.layer.encode()))
     maps.serve(SNAPSHOT, lambda _: snapshot)
     acks = FrameAcks()
     acks.listen(client)
-    for part, topic in (
-        ("occupancy", MAP2D_ACK), ("value", MAP2D_ACK), ("objects", OBJECTMAP_ACK)
-    ):  # fmt: skip
+    for part, topic in (("occupancy", MAP2D_ACK), ("value", MAP2D_ACK), ("objects", OBJECTMAP_ACK)):
         maps.publish(topic, ack(part, 1))
     maps.publish(ROBOT_STATE, pb.RobotState(finished=True))
     assert acks.finished
@@ -116,8 +123,15 @@ def test_results_are_collected_from_the_services_and_written(tmp_path: Path) -> 
 
 
 def results(score: float = 0.6, **summary: object) -> Results:
-    found = {"id": 1, "class": "cup", "center_m": [0.0, math.nan, 1.0], "size_m": [0.1] * 3,
-             "score": score, "uncertainty": 0.1, "views": 2}  # fmt: skip
+    found = {
+        "id": 1,
+        "class": "cup",
+        "center_m": [0.0, math.nan, 1.0],
+        "size_m": [0.1] * 3,
+        "score": score,
+        "uncertainty": 0.1,
+        "views": 2,
+    }
     snapshot = pb.MapSnapshot(version=1, cell_m=0.05, width=0, height=0)
     return Results([found], b"png", decode_snapshot(snapshot), summary)
 

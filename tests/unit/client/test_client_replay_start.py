@@ -47,9 +47,12 @@ def table_of(*statuses: pb.ServiceStatus) -> ServiceTable:
 
 
 def play(
-    job: ReplayJob, service_table: ServiceTable, acks: FrameAcks, *searches: str,
+    job: ReplayJob,
+    service_table: ServiceTable,
+    acks: FrameAcks,
+    *searches: str,
     interrupts: Interrupts | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Play a replay; each of `searches` is the class name of one search."""
     quiet = Console(quiet=True)
     known = CheckedInput(4, 0.0, tuple(frozenset({name}) for name in searches or ("cup",)), {})
@@ -143,9 +146,11 @@ def test_an_unknown_first_search_is_an_error_only_when_the_replay_is_over(tmp_pa
     acks.note_state(pb.RobotState(finished=True))
     play(job(tmp_path, start_s=60), service_table, acks, "cup", "box")
     watch = ReplayMonitor(
-        job(tmp_path), CheckedInput(4, 0.0, (frozenset({"cup"}), frozenset({"box"})), {}),
-        service_table, Console(quiet=True),
-    )  # fmt: skip
+        job(tmp_path),
+        CheckedInput(4, 0.0, (frozenset({"cup"}), frozenset({"box"})), {}),
+        service_table,
+        Console(quiet=True),
+    )
     with pytest.raises(UsageError):
         watch.classes.check(service_table, over=True, console=Console(quiet=True))
 

@@ -47,9 +47,16 @@ def test_the_robot_and_the_source_select_the_default_detector() -> None:
 
 def test_replay_and_recorder_processes_get_their_flags(tmp_path: Path) -> None:
     stack = StackOptions(
-        "replay", 7447, tmp_path, detector=RECORDED_DETECTOR, source=TAPE, from_s=2.0, to_s=5.0,
-        rate=1.0, record=tmp_path / "out",
-    )  # fmt: skip
+        "replay",
+        7447,
+        tmp_path,
+        detector=RECORDED_DETECTOR,
+        source=TAPE,
+        from_s=2.0,
+        to_s=5.0,
+        rate=1.0,
+        record=tmp_path / "out",
+    )
     specs = {spec.name: " ".join(spec.argv) for spec in stack.processes()}
     assert "--from-s 2.0 --to-s 5.0 --rate 1.0" in specs["bridge"]
     assert "--contexts" in specs["bridge"]

@@ -41,8 +41,11 @@ def test_tables_are_not_truncated_in_a_pipe(environment: dict[str, str], gateway
     for args, words in ((["status"], PATH), (["tasks"], "of many words " * 19)):
         done = subprocess.run(
             [sys.executable, "-m", "helios_client", *args, "--port", str(gateway.port)],
-            capture_output=True, text=True, check=False, env=os.environ | environment,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            check=False,
+            env=os.environ | environment,
+        )
         assert any(words.strip() in line for line in done.stdout.splitlines()), done.stdout
         assert max(map(len, done.stdout.splitlines())) < 2000  # no line is padded to the full width
 

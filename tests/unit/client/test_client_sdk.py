@@ -79,9 +79,15 @@ def test_submit_sends_the_instruction_and_returns_the_task() -> None:
 
 @pytest.mark.parametrize(
     ("status", "kind"),
-    [(400, InvalidInput), (404, InvalidInput), (409, Conflict), (503, Unavailable),
-     (504, DeadlineExceeded), (500, Internal)],
-)  # fmt: skip
+    [
+        (400, InvalidInput),
+        (404, InvalidInput),
+        (409, Conflict),
+        (503, Unavailable),
+        (504, DeadlineExceeded),
+        (500, Internal),
+    ],
+)
 def test_a_problem_response_raises_a_typed_error_with_its_detail(
     status: int, kind: type[HeliosError]
 ) -> None:
@@ -120,11 +126,13 @@ def test_a_task_id_is_escaped_and_cannot_reach_another_address() -> None:
 
 
 def test_wait_survives_a_gateway_restart() -> None:
-    answers = iter([
-        httpx.Response(200, json=task_json()),
-        httpx.Response(503, json={"detail": "starting"}),
-        httpx.Response(200, json=task_json(state="succeeded", message="done")),
-    ])  # fmt: skip
+    answers = iter(
+        [
+            httpx.Response(200, json=task_json()),
+            httpx.Response(503, json={"detail": "starting"}),
+            httpx.Response(200, json=task_json(state="succeeded", message="done")),
+        ]
+    )
     heard: list[str] = []
     ended = helios(lambda _: next(answers)).wait("t1", 30, lambda t: heard.append(t.state))
     assert ended.succeeded
@@ -161,11 +169,13 @@ def test_events_resume_where_the_connection_broke_off() -> None:
     def event(number: int) -> str:
         return f'id: b-{number}\nevent: map\ndata: {{"map2d": {number}}}\n\n'
 
-    answers = iter([
-        httpx.Response(200, text=event(1) + event(2)),
-        httpx.Response(503, json={"detail": "starting"}),
-        httpx.Response(200, text=event(3)),
-    ])  # fmt: skip
+    answers = iter(
+        [
+            httpx.Response(200, text=event(1) + event(2)),
+            httpx.Response(503, json={"detail": "starting"}),
+            httpx.Response(200, text=event(3)),
+        ]
+    )
     asked: list[str | None] = []
 
     def answer(request: httpx.Request) -> httpx.Response:

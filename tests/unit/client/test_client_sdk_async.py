@@ -38,12 +38,14 @@ def test_both_clients_have_the_same_methods_with_the_same_parameters() -> None:
 
 
 def test_a_task_is_submitted_and_waited_for() -> None:
-    answers = iter([
-        httpx.Response(202, json=TASK),
-        httpx.Response(200, json=TASK),
-        httpx.Response(503, json={"detail": "starting"}),
-        httpx.Response(200, json=TASK | {"state": "succeeded"}),
-    ])  # fmt: skip
+    answers = iter(
+        [
+            httpx.Response(202, json=TASK),
+            httpx.Response(200, json=TASK),
+            httpx.Response(503, json={"detail": "starting"}),
+            httpx.Response(200, json=TASK | {"state": "succeeded"}),
+        ]
+    )
     heard: list[str] = []
 
     async def run() -> None:
@@ -57,10 +59,12 @@ def test_a_task_is_submitted_and_waited_for() -> None:
 
 
 def test_events_are_an_iterator_that_reconnects_after_a_break() -> None:
-    answers = iter([
-        httpx.Response(200, text='id: b-1\nevent: map\ndata: {"map2d": 1}\n\n'),
-        httpx.Response(200, text='id: b-2\nevent: map\ndata: {"map2d": 2}\n\n'),
-    ])  # fmt: skip
+    answers = iter(
+        [
+            httpx.Response(200, text='id: b-1\nevent: map\ndata: {"map2d": 1}\n\n'),
+            httpx.Response(200, text='id: b-2\nevent: map\ndata: {"map2d": 2}\n\n'),
+        ]
+    )
 
     async def run() -> list[int]:
         out: list[int] = []
@@ -85,10 +89,12 @@ def test_keepalives_count_as_contact_when_a_quiet_connection_is_lost(
             yield b": still here\n\n"
         raise httpx.ReadError("reset by peer")
 
-    answers = iter([
-        httpx.Response(200, content=keepalives()),
-        httpx.Response(200, text='id: b-2\nevent: map\ndata: {"map2d": 2}\n\n'),
-    ])  # fmt: skip
+    answers = iter(
+        [
+            httpx.Response(200, content=keepalives()),
+            httpx.Response(200, text='id: b-2\nevent: map\ndata: {"map2d": 2}\n\n'),
+        ]
+    )
 
     async def run() -> dict[str, Any]:
         async for event in helios(lambda _: next(answers)).events(silence_s=30):

@@ -53,8 +53,13 @@ def test_compact_puts_all_services_in_one_process_but_router_world_and_ros() -> 
     compact = StackOptions("sim", 7447, Path("state"), **options, compact=True).processes()
     assert [spec.name for spec in compact] == ["router", "world", "ros2", "services"]
     assert compact[-1].services == (
-        "bridge", "detector", "objectmap", "map2d", "planner", "gateway",
-    )  # fmt: skip
+        "bridge",
+        "detector",
+        "objectmap",
+        "map2d",
+        "planner",
+        "gateway",
+    )
     command_lines = json.loads(compact[-1].argv[-1])
     of_each = {spec.name: list(spec.argv[2:]) for spec in apart}
     assert command_lines == [of_each[name] for name in compact[-1].services]

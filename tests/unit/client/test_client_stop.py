@@ -131,7 +131,7 @@ WELL: list[tuple[list[str], dict[str, str]]] = [
     (["stop", "--port", "PORT"], {"HELIOS_API_KEY": "secret"}),
     (["stop", "--port", "PORT", "--key", ""], {"HELIOS_API_KEY": "secret"}),
     (["stop", "--port", "1", "--port", "PORT"], {}),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("args", "variables"), WELL)
@@ -233,10 +233,14 @@ print(json.dumps([status, sorted(set(sys.modules) - before - sys.stdlib_module_n
     assert status == 0
     others = [name for name in imported if name.partition(".")[0] not in sys.stdlib_module_names]
     assert others == [
-        "helios_client", "helios_client.__main__", "helios_client.http",
-        "helios_client.http.address", "helios_client.interrupt_signals",
-        "helios_client.leading_options", "helios_client.quick_stop",
-    ]  # fmt: skip
+        "helios_client",
+        "helios_client.__main__",
+        "helios_client.http",
+        "helios_client.http.address",
+        "helios_client.interrupt_signals",
+        "helios_client.leading_options",
+        "helios_client.quick_stop",
+    ]
 
 
 def test_an_overlong_port_is_left_to_the_full_command(paths: StopPaths) -> None:

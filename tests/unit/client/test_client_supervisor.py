@@ -100,8 +100,10 @@ def test_a_process_that_keeps_failing_is_restarted_with_growing_delays(bench: Be
         wait_for_ending(supervisor)
         row = supervisor.table()[0]
         assert (row.state, row.pid, row.reason) == (
-            ProcessState.RESTARTING, 0, "exit status 1; last log line: no model at x",
-        )  # fmt: skip
+            ProcessState.RESTARTING,
+            0,
+            "exit status 1; last log line: no model at x",
+        )
         bench.clock.now_s += restart_delay_s(failures) - 0.01
         supervisor.check()
         assert supervisor.table()[0].state is ProcessState.RESTARTING
@@ -275,8 +277,10 @@ def test_a_process_ends_when_its_supervisor_is_killed_right_after_the_start(benc
     )
     done = subprocess.run(
         [sys.executable, "-c", program, str(bench.folder / "p.log")],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     wait_until(lambda: not is_alive(int(done.stdout)), 10, "the child has ended too")
 
 
@@ -291,7 +295,9 @@ def test_a_process_that_is_replaced_starts_again_with_the_given_reason(bench: Be
     assert supervisor.check() == ()
     again, same = supervisor.table()
     assert (again.state, again.restarts, again.reason) == (
-        ProcessState.RUNNING, 1, "it did not work"
-    )  # fmt: skip
+        ProcessState.RUNNING,
+        1,
+        "it did not work",
+    )
     assert again.pid != first.pid
     assert same == other

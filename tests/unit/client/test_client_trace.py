@@ -70,11 +70,13 @@ times = st.floats(0.0, 10.0, allow_nan=False)
 @st.composite
 def traces(draw: st.DrawFn) -> list[Span]:
     """Any spans below two actions, also with children that begin before or end after."""
-    out = spans((
-        ("planner", "action", "0", "task", 2.0, 5.0),
-        ("planner", "planning", "1", "task", 5.0, 7.0),
-        ("planner", "action", "2", "task", 7.0, 9.0),
-    ))  # fmt: skip
+    out = spans(
+        (
+            ("planner", "action", "0", "task", 2.0, 5.0),
+            ("planner", "planning", "1", "task", 5.0, 7.0),
+            ("planner", "action", "2", "task", 7.0, 9.0),
+        )
+    )
     for number in range(3, 3 + draw(st.integers(0, 12))):
         parent = str(draw(st.integers(0, number - 1)))
         a, b = sorted((draw(times), draw(times)))
@@ -100,11 +102,14 @@ def test_a_chain_fills_its_step_without_gap_or_overlap(given_spans: list[Span]) 
 def trace(
     note: str = "", rows: tuple[tuple[str, str, str, str, float, float], ...] = STEP
 ) -> Trace:
-    return Trace.from_json({
-        "task_id": "c0ffee", "trace_id": "0af7651916cd43dd8448eb211c80319c",
-        "spans": [{**vars(span), "attributes": {"rule": "eq. 10"}} for span in spans(rows)],
-        "sources": [{"service": "map2d", "spans": 0, "note": note}],
-    })  # fmt: skip
+    return Trace.from_json(
+        {
+            "task_id": "c0ffee",
+            "trace_id": "0af7651916cd43dd8448eb211c80319c",
+            "spans": [{**vars(span), "attributes": {"rule": "eq. 10"}} for span in spans(rows)],
+            "sources": [{"service": "map2d", "spans": 0, "note": note}],
+        }
+    )
 
 
 def report(shown: Trace) -> str:

@@ -32,9 +32,11 @@ class Up:
         self.folder, self.port = folder, free_port()
         self.process = subprocess.Popen(
             [sys.executable, str(PROGRAM), str(self.port), str(folder / "state"), preset],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
             env=os.environ | {"XDG_STATE_HOME": str(folder / "home")} | variables,
-        )  # fmt: skip
+        )
         self.children: set[psutil.Process] = set()
 
     def status(self) -> dict[str, Any]:
@@ -119,9 +121,10 @@ def test_a_degraded_service_is_reported_at_once_and_only_once(tmp_path: Path) ->
     up = Up(tmp_path, preset="detector")
     try:
         wait_until(
-            lambda: any(s["state"] == "degraded" for s in up.status()["services"]), 20,
+            lambda: any(s["state"] == "degraded" for s in up.status()["services"]),
+            20,
             "it is degraded",
-        )  # fmt: skip
+        )
         up.process.terminate()
         out, _ = up.process.communicate(timeout=10)
     finally:

@@ -172,16 +172,21 @@ def wait_until_watching(process: subprocess.Popen[str]) -> None:
 
 @pytest.mark.parametrize(
     ("number", "status", "state"),
-    [(signal.SIGHUP, 129, "queued"), (signal.SIGINT, 130, "cancelled"),
-     (signal.SIGTERM, 130, "cancelled")],
-)  # fmt: skip
+    [
+        (signal.SIGHUP, 129, "queued"),
+        (signal.SIGINT, 130, "cancelled"),
+        (signal.SIGTERM, 130, "cancelled"),
+    ],
+)
 def test_a_closed_terminal_does_not_cancel_the_task_but_an_interrupt_does(
     number: int, status: int, state: str, gateway: Served, start: Start
 ) -> None:
     process = start(
         command("task", INSTRUCTION, gateway=gateway),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     wait_until_watching(process)
     process.send_signal(number)
     _, error = process.communicate(timeout=ENDS_WITHIN_S)
@@ -194,8 +199,10 @@ def test_a_closed_terminal_has_no_effect_under_nohup(gateway: Served, start: Sta
     ignored = "signal.signal(signal.SIGHUP, signal.SIG_IGN)"
     process = start(
         command("task", INSTRUCTION, gateway=gateway, setup=ignored),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     wait_until_watching(process)
     process.send_signal(signal.SIGHUP)
     gateway.backend.change_task("t1", "succeeded")
@@ -207,9 +214,14 @@ def test_a_lost_terminal_ends_the_watch_without_a_traceback(gateway: Served, sta
     main, terminal = pty.openpty()
     process = start(
         command("task", INSTRUCTION, gateway=gateway),
-        stdin=terminal, stdout=terminal, stderr=subprocess.PIPE, start_new_session=True,
-        preexec_fn=lambda: _set_terminal(terminal), text=True, env=os.environ | {"TERM": "xterm"},
-    )  # fmt: skip
+        stdin=terminal,
+        stdout=terminal,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        preexec_fn=lambda: _set_terminal(terminal),
+        text=True,
+        env=os.environ | {"TERM": "xterm"},
+    )
     os.close(terminal)
     wait_until(lambda: "t1" in gateway.backend.tasks, ENDS_WITHIN_S, "the task was submitted")
     shown = b""
@@ -232,9 +244,12 @@ def _set_terminal(terminal: int) -> None:
 
 @pytest.mark.parametrize("args", [["task", INSTRUCTION], ["logs", "planner", "-f"]])
 def test_an_interrupt_ends_a_background_command_of_a_script(
-    args: list[str], gateway: Served, tmp_path_factory: pytest.TempPathFactory,
-    monkeypatch: pytest.MonkeyPatch, start: Start,
-) -> None:  # fmt: skip
+    args: list[str],
+    gateway: Served,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+    start: Start,
+) -> None:
     """A shell script starts its background commands with SIGINT ignored."""
     logs = tmp_path_factory.mktemp("state") / "helios" / str(gateway.port) / "logs"
     logs.mkdir(parents=True)
@@ -243,9 +258,11 @@ def test_an_interrupt_ends_a_background_command_of_a_script(
     ignored = "signal.signal(signal.SIGINT, signal.SIG_IGN)"
     process = start(
         command(*args, gateway=gateway, setup=ignored),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
         env=os.environ | {"PYTHONUNBUFFERED": "1"},
-    )  # fmt: skip
+    )
     wait_until_watching(process)
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=ENDS_WITHIN_S)
@@ -256,10 +273,12 @@ def test_the_time_left_is_printed_while_a_task_is_watched(
     gateway: Served, helios: Helios, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without a terminal, each line ends with the time left if it is known."""
-    states = iter([
-        Task(id="t1", state="running", message="drives", eta_s=[130, 280]),
-        Task(id="t1", state="succeeded", message="done"),
-    ])  # fmt: skip
+    states = iter(
+        [
+            Task(id="t1", state="running", message="drives", eta_s=[130, 280]),
+            Task(id="t1", state="succeeded", message="done"),
+        ]
+    )
     gateway.backend.submit(INSTRUCTION)
     monkeypatch.setattr("helios_client.sdk.Helios.task", lambda *_: next(states))
     reported = helios("watch", "t1")

@@ -17,41 +17,74 @@ from helios_client.commands.decision_view import report
 from rich.console import Console
 
 TASK: dict[str, Any] = {
-    "id": "abc123", "instruction": "Move the mug from the coffee table to the counter",
-    "state": "succeeded", "message": "put the mug on the counter", "steps": 143,
-    "started_s": 100.0, "created_s": 99.0,
-}  # fmt: skip
+    "id": "abc123",
+    "instruction": "Move the mug from the coffee table to the counter",
+    "state": "succeeded",
+    "message": "put the mug on the counter",
+    "steps": 143,
+    "started_s": 100.0,
+    "created_s": 99.0,
+}
 
 
 def candidate(kind: str, name: str, chosen: bool = False, **terms: float) -> dict[str, Any]:
     return {"kind": kind, "name": name, "terms": terms, "chosen": chosen}
 
 
-TABLE = candidate("receptacle", "coffee table", True, class_score=0.62, information_gain=1.2,
-                  distance_m=3.1, total=0.741)  # fmt: skip
+TABLE = candidate(
+    "receptacle",
+    "coffee table",
+    True,
+    class_score=0.62,
+    information_gain=1.2,
+    distance_m=3.1,
+    total=0.741,
+)
 FRONTIERS = [
-    candidate("frontier", f"frontier {k}", value=0.2, frontier_scale=1.0, distance_m=2.3,
-              total=0.2 - k / 100)
+    candidate(
+        "frontier",
+        f"frontier {k}",
+        value=0.2,
+        frontier_scale=1.0,
+        distance_m=2.3,
+        total=0.2 - k / 100,
+    )
     for k in range(1, 6)
-]  # fmt: skip
+]
 SEARCH: dict[str, Any] = {
-    "index": 0, "phase": "find_object", "rule": "global search (eq. 8-10)", "made_s": 112.4,
+    "index": 0,
+    "phase": "find_object",
+    "rule": "global search (eq. 8-10)",
+    "made_s": 112.4,
     "why": "search the coffee table, 3.1 m away: worth 0.741; next frontier 1 with 0.190",
     "candidates": [*FRONTIERS, TABLE],
-}  # fmt: skip
+}
 PICK: dict[str, Any] = {
-    "index": 1, "phase": "pick", "rule": "pick (eq. 7, 11)", "made_s": 130.0,
+    "index": 1,
+    "phase": "pick",
+    "rule": "pick (eq. 7, 11)",
+    "made_s": 130.0,
     "why": "pick the mug, 1.2 m away: score 0.55 ≥ 0.50 after 4 views",
     "candidates": [candidate("object", "mug", True, score=0.55, views=4, in_place=1, total=0.55)],
-}  # fmt: skip
-FLIPPED = {"do": "go_to_frontier", "why": "explore frontier 1, 2.3 m away: worth 0.180",
-           "candidates": [], "flips": True, "certain": True}  # fmt: skip
+}
+FLIPPED = {
+    "do": "go_to_frontier",
+    "why": "explore frontier 1, 2.3 m away: worth 0.180",
+    "candidates": [],
+    "flips": True,
+    "certain": True,
+}
 STAYS = {"do": "act", "why": PICK["why"], "candidates": [], "flips": False, "certain": True}
 
 
-def shown(decisions: list[dict[str, Any]], changes: tuple[str, ...] = (), top: int = 3,
-          everything: bool = False, width: int = 110,
-          task: dict[str, Any] = TASK) -> str:  # fmt: skip
+def shown(
+    decisions: list[dict[str, Any]],
+    changes: tuple[str, ...] = (),
+    top: int = 3,
+    everything: bool = False,
+    width: int = 110,
+    task: dict[str, Any] = TASK,
+) -> str:
     out = io.StringIO()
     console = Console(file=out, width=width, color_system=None)
     reported = [Decision.from_json(d) for d in decisions]
@@ -74,13 +107,20 @@ def test_each_decision_is_shown_with_its_sentence_time_and_best_candidates() -> 
 
 
 MANY_TERMS = {
-    "class_score": 0.62, "uncertainty": 0.11, "information_gain": 1.234, "distance_m": 12.3,
-    "views": 14, "in_place": 1, "place": 0.87, "score": 0.55, "score_after_view": 0.71,
+    "class_score": 0.62,
+    "uncertainty": 0.11,
+    "information_gain": 1.234,
+    "distance_m": 12.3,
+    "views": 14,
+    "in_place": 1,
+    "place": 0.87,
+    "score": 0.55,
+    "score_after_view": 0.71,
     "total": 0.7412,
-}  # fmt: skip
-WIDE = PICK | {"candidates": [
-    candidate("object", "television stand", k == 4, **MANY_TERMS) for k in range(6)
-]}  # fmt: skip
+}
+WIDE = PICK | {
+    "candidates": [candidate("object", "television stand", k == 4, **MANY_TERMS) for k in range(6)]
+}
 
 
 def test_counts_of_one_are_printed_in_the_singular() -> None:

@@ -28,7 +28,9 @@ ROOT = Path(__file__).resolve().parents[3]
 CODE = {
     "world": ("clients/helios_sim/service.py",),
     "bridge": (
-        "services/helios_bridge", "clients/helios_sim/driver.py", "clients/helios_replay/driver.py",
+        "services/helios_bridge",
+        "clients/helios_sim/driver.py",
+        "clients/helios_replay/driver.py",
         "clients/helios_spot",
     ),
     "detector": ("services/helios_detector", "clients/helios_replay/recorded_detector.py"),
@@ -38,7 +40,7 @@ CODE = {
     "gateway": ("services/helios_gateway",),
     "supervisor": ("clients/helios_client/supervision",),
     "ros2": ("clients/helios_ros2/output_service.py", "clients/helios_ros2/task_interface.py"),
-}  # fmt: skip
+}
 BY_NAME = {name: value for name, value in vars(topics).items() if isinstance(value, Topic | Method)}
 
 
@@ -80,9 +82,10 @@ def test_each_topic_and_method_has_one_owner_and_a_user() -> None:
     }
     repeated = {name: services for name, services in senders.items() if len(services) > 1}
     assert repeated == {
-        "planner/context": ["bridge", "planner"], "map2d/ack": ["detector", "map2d"],
+        "planner/context": ["bridge", "planner"],
+        "map2d/ack": ["detector", "map2d"],
         "objectmap/ack": ["detector", "objectmap"],
-    }  # fmt: skip
+    }
 
 
 def test_only_the_evaluation_and_a_simulated_robots_detector_may_use_the_truth() -> None:
@@ -109,8 +112,9 @@ def test_the_table_has_every_service_with_settings() -> None:
 robots = st.lists(st.sampled_from(["a", "b", "c"]), min_size=1, unique=True).map(tuple)
 identities = st.builds(
     lambda service, robots: Identity(f"{service}.{robots[0]}", service, robots),
-    st.sampled_from(sorted(ACCESS)), robots,
-)  # fmt: skip
+    st.sampled_from(sorted(ACCESS)),
+    robots,
+)
 
 
 def _keys(identity: Identity) -> Iterator[str]:

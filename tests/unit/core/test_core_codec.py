@@ -122,9 +122,11 @@ def test_the_exif_orientation_of_a_jpeg_turns_no_image_of_a_frame() -> None:
     spot = SimpleNamespace(data=jpeg, format=1, FORMAT_RAW=2, rows=24, cols=32)
     joined = frame_from_proto(join_frame(split.head, split.color, split.depth))
     for decoded in (
-        frame_from_proto(message).color, joined.color, color_of(ros, True, "the image"),
+        frame_from_proto(message).color,
+        joined.color,
+        color_of(ros, True, "the image"),
         decode_color(spot),
-    ):  # fmt: skip
+    ):
         assert decoded[:, :16].min() > 200
         assert decoded[:, 16:].max() < 50
 
@@ -254,9 +256,12 @@ def test_a_mask_that_does_not_fill_its_bytes_is_refused_with_the_right_number() 
 
 def test_a_search_context_round_trips_through_its_message() -> None:
     context = SearchContext(
-        "id", (SearchClass("mug", Role.OBJECT, 0.25, ("cup",)),), {"pick": "a mug ahead"},
-        ("glass", "vase"), {"mug": "a mug ahead"},
-    )  # fmt: skip
+        "id",
+        (SearchClass("mug", Role.OBJECT, 0.25, ("cup",)),),
+        {"pick": "a mug ahead"},
+        ("glass", "vase"),
+        {"mug": "a mug ahead"},
+    )
     assert context_from_proto(context_to_proto(context)) == context
 
 

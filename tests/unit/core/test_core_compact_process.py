@@ -38,9 +38,12 @@ SERVICE = """
 
 @pytest.mark.parametrize(
     ("logger", "thread", "name"),
-    [("helios_map2d.service", "x", "map2d"), ("helios_core.zenoh_bus", "read plan", "read plan"),
-     ("uvicorn.error", "http", "http")],
-)  # fmt: skip
+    [
+        ("helios_map2d.service", "x", "map2d"),
+        ("helios_core.zenoh_bus", "read plan", "read plan"),
+        ("uvicorn.error", "http", "http"),
+    ],
+)
 def test_a_log_record_names_its_service(logger: str, thread: str, name: str) -> None:
     record = logging.LogRecord(logger, logging.INFO, "", 1, "text", (), None)
     record.threadName = thread
@@ -69,9 +72,14 @@ def test_if_one_service_ends_all_end_with_its_status(
     services = json.dumps([["helios_first"], ["helios_second", *flags]])
     paths = os.pathsep.join(str(Path(path).resolve()) for path in sys.path if path)
     done = subprocess.run(
-        [*RUN, services], cwd=tmp_path, env=os.environ | {"PYTHONPATH": paths},
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        [*RUN, services],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode == status, done.stderr
     assert said in done.stderr
     assert ("first closed" in done.stdout) is (not flags)

@@ -27,13 +27,20 @@ def estimate(value: float) -> Estimate:
 
 def model(hit: float = 0.9, mistaken: float = 0.1) -> DetectorErrorModel:
     source = FitSource(
-        what="a test", truth="agreement", views=3, things=2, things_with_truth=0, sides=4.5,
+        what="a test",
+        truth="agreement",
+        views=3,
+        things=2,
+        things_with_truth=0,
+        sides=4.5,
         made_with="0",
-    )  # fmt: skip
+    )
     names = NameErrorEstimates(
-        hit=estimate(hit), mistaken=estimate(mistaken), sides_correlate=estimate(0.3),
+        hit=estimate(hit),
+        mistaken=estimate(mistaken),
+        sides_correlate=estimate(0.3),
         rival=estimate(0.5),
-    )  # fmt: skip
+    )
     return DetectorErrorModel(detector="onnx:a.onnx", source=source, names=names)
 
 

@@ -43,9 +43,12 @@ def test_a_line_names_service_robot_and_level() -> None:
     said = line("%d objects", 3)
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}\+00:00", said.pop("time"))
     assert said == {
-        "level": "warning", "service": "planner", "robot": "r", "logger": "a.b",
+        "level": "warning",
+        "service": "planner",
+        "robot": "r",
+        "logger": "a.b",
         "message": "3 objects",
-    }  # fmt: skip
+    }
 
 
 def test_a_line_names_the_task_and_keyframe_of_the_work() -> None:

@@ -17,10 +17,16 @@ N = 4
 def tile(row: int, column: int, n: int = N, value: int = 0) -> pb.MapTile:
     """Ground tile with one occupancy in all its cells."""
     cells = n * n
-    return pb.MapTile(row=row, column=column, ground=pb.GroundTile(
-        occupancy=zlib.compress(bytes([value]) * cells), searched=zlib.compress(bytes(cells)),
-        top_mm=zlib.compress(bytes(2 * cells)), bottom_mm=zlib.compress(bytes(2 * cells)),
-    ))  # fmt: skip
+    return pb.MapTile(
+        row=row,
+        column=column,
+        ground=pb.GroundTile(
+            occupancy=zlib.compress(bytes([value]) * cells),
+            searched=zlib.compress(bytes(cells)),
+            top_mm=zlib.compress(bytes(2 * cells)),
+            bottom_mm=zlib.compress(bytes(2 * cells)),
+        ),
+    )
 
 
 def changes(
@@ -31,9 +37,15 @@ def changes(
     cell_m: float = 0.1,
 ) -> pb.MapChanges:
     return pb.MapChanges(
-        map_id=map_id, version=version, tile_cells=n, cell_m=cell_m, tiles=tiles,
-        next=pb.MapCursor(version=version), layers=["pick"], context_id=f"search in {map_id}",
-    )  # fmt: skip
+        map_id=map_id,
+        version=version,
+        tile_cells=n,
+        cell_m=cell_m,
+        tiles=tiles,
+        next=pb.MapCursor(version=version),
+        layers=["pick"],
+        context_id=f"search in {map_id}",
+    )
 
 
 def whole() -> MapReplica:

@@ -18,14 +18,18 @@ def thing(outline: np.ndarray, height_m: float = 0.7) -> pb.ObjectInstance:
     width, depth = high - low
     return pb.ObjectInstance(
         center_m=pb.Vector3(x=x, y=y, z=height_m / 2),
-        size_m=pb.Vector3(x=width, y=depth, z=height_m), outline_m=outline.ravel(),
-    )  # fmt: skip
+        size_m=pb.Vector3(x=width, y=depth, z=height_m),
+        outline_m=outline.ravel(),
+    )
 
 
 @given(
-    st.floats(-math.pi, math.pi), st.floats(0.2, 3), st.floats(0.2, 3), st.floats(-50, 50),
+    st.floats(-math.pi, math.pi),
+    st.floats(0.2, 3),
+    st.floats(0.2, 3),
     st.floats(-50, 50),
-)  # fmt: skip
+    st.floats(-50, 50),
+)
 def test_the_box_of_a_turned_table_has_its_size_place_and_yaw(
     yaw_rad: float, width_m: float, depth_m: float, x_m: float, y_m: float
 ) -> None:

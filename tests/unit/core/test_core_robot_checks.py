@@ -51,10 +51,11 @@ def camera_at(
 
 @settings(max_examples=25, deadline=None)
 @given(
-    pitch_deg=st.floats(-4, 4), higher_m=st.floats(-0.08, 0.08),
+    pitch_deg=st.floats(-4, 4),
+    higher_m=st.floats(-0.08, 0.08),
     yaw_rad=st.floats(-1.2, 3),  # the wall at -1.57 is too near to show enough floor
     percent=st.floats(-3, 3),
-)  # fmt: skip
+)
 def test_the_floor_shows_pitch_and_height(
     pitch_deg: float, higher_m: float, yaw_rad: float, percent: float
 ) -> None:
@@ -184,9 +185,11 @@ def test_a_value_is_wrong_only_beyond_its_limit_and_its_error() -> None:
 
 
 @given(
-    middle=st.floats(-10, 10), outlier=st.floats(20, 100), n=st.integers(5, 20),
+    middle=st.floats(-10, 10),
+    outlier=st.floats(20, 100),
+    n=st.integers(5, 20),
     error=st.floats(0.01, 1.0),
-)  # fmt: skip
+)
 def test_one_outlier_does_not_move_the_mean(
     middle: float, outlier: float, n: int, error: float
 ) -> None:
@@ -233,9 +236,16 @@ def test_a_robot_that_cannot_turn_makes_no_move_and_its_findings_say_so(
 
         def describe(self) -> RobotDescription:
             return RobotDescription(
-                "s", 0.3, 1.4, CAMERA, CLAIMED_M, 0.0, 5.0, min_turn_rad=0.0,
+                "s",
+                0.3,
+                1.4,
+                CAMERA,
+                CLAIMED_M,
+                0.0,
+                5.0,
+                min_turn_rad=0.0,
                 max_turn_rad=max_turn_rad,
-            )  # fmt: skip
+            )
 
         def state(self) -> RobotState:
             return RobotState(np.eye(4))
@@ -278,9 +288,13 @@ def test_images_are_taken_while_an_action_runs() -> None:
             enough.set()
         pose = np.eye(4)
         return Capture(
-            len(taken), np.zeros((1, 1, 3), np.uint8), np.ones((1, 1), np.float32), CAMERA, pose,
+            len(taken),
+            np.zeros((1, 1, 3), np.uint8),
+            np.ones((1, 1), np.float32),
+            CAMERA,
             pose,
-        )  # fmt: skip
+            pose,
+        )
 
     result, seen = watched(lambda: ActionResult(enough.wait(20)), capture, 200.0)
     assert result.succeeded

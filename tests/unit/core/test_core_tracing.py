@@ -23,9 +23,14 @@ memory = pytest.importorskip("opentelemetry.sdk.trace.export.in_memory_span_expo
 TRACE, SPAN = "0af7651916cd43dd8448eb211c80319c", "b7ad6b7169203331"
 TRACEPARENT = f"00-{TRACE}-{SPAN}-01"
 SERVICES = (
-    "helios_bridge", "helios_detector", "helios_map2d", "helios_objectmap", "helios_planner",
-    "helios_recorder", "helios_sim",
-)  # fmt: skip
+    "helios_bridge",
+    "helios_detector",
+    "helios_map2d",
+    "helios_objectmap",
+    "helios_planner",
+    "helios_recorder",
+    "helios_sim",
+)
 
 
 @pytest.fixture

@@ -18,9 +18,7 @@ def test_a_text_that_is_no_endpoint_is_refused_with_an_example(
     file = tmp_path / "router.json5"
     file.write_text('{"mode": "router"}')
     file.chmod(0o600)
-    for make in (
-        client_config, router_config, lambda text: router_config_of_file(file, text)
-    ):  # fmt: skip
+    for make in (client_config, router_config, lambda text: router_config_of_file(file, text)):
         with pytest.raises(InvalidInput, match=f"'{endpoint}' is no endpoint; wanted for example"):
             make(endpoint)
 

@@ -157,8 +157,9 @@ def test_an_answered_keyframe_does_not_hide_a_pending_context_in_health():
     rig.bus.publish(KEYFRAME, rig.frame())
     assert [o.context_id for o in rig.observations] == ["c1"]
     assert rig.health.state == (
-        "degraded", "search context c2 is not sought: the text model is away"
-    )  # fmt: skip
+        "degraded",
+        "search context c2 is not sought: the text model is away",
+    )
     rig.service.retry_context()
     assert moody.asked == ["c1", "c2"]  # too early for a retry
 

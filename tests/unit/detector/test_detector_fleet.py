@@ -83,9 +83,16 @@ class Fleets:
 
     def detector(self, model: str = "patient:0.05") -> subprocess.Popen[bytes]:
         return self._run(
-            "helios_detector", "--router", self.endpoint, "--robots", ",".join(ROBOTS),
-            "--detector", model, "--scorer", "half:0.5",
-        )  # fmt: skip
+            "helios_detector",
+            "--router",
+            self.endpoint,
+            "--robots",
+            ",".join(ROBOTS),
+            "--detector",
+            model,
+            "--scorer",
+            "half:0.5",
+        )
 
     def robots(self) -> list[Robot]:
         def is_up() -> bool:
@@ -137,9 +144,10 @@ def test_two_detectors_share_four_robots_and_answer_every_keyframe_once(fleets: 
                 robot.send()
                 robot.send(keyframe=False)
         wait_until(
-            lambda: all(set(range(r.seq - 9, r.seq, 2)) <= r.answers.keys() for r in robots), 30,
+            lambda: all(set(range(r.seq - 9, r.seq, 2)) <= r.answers.keys() for r in robots),
+            30,
             "every keyframe is answered",
-        )  # fmt: skip
+        )
 
         # One dies while it works: the other takes over the unanswered keyframes.
         for robot in robots:
@@ -147,9 +155,10 @@ def test_two_detectors_share_four_robots_and_answer_every_keyframe_once(fleets: 
         first.send_signal(signal.SIGKILL)
         later = [robot.send() for robot in robots]
         wait_until(
-            lambda: all(r.answers[n] for r, n in zip(robots, later, strict=True)), 40,
+            lambda: all(r.answers[n] for r, n in zip(robots, later, strict=True)),
+            40,
             "the one that is left answers for all robots",
-        )  # fmt: skip
+        )
         wait_until(lambda: shares(robots) == [4], 20, "it says so")
         for robot in robots:
             assert all(robot.answers[n] == 1 for n in robot.answers), robot.answers
@@ -182,9 +191,10 @@ def test_a_frozen_detector_loses_its_robots_and_takes_its_share_when_it_resumes(
         first.send_signal(signal.SIGSTOP)
         meanwhile = [robot.send() for robot in robots]
         wait_until(
-            lambda: all(r.answers[n] for r, n in zip(robots, meanwhile, strict=True)), 40,
+            lambda: all(r.answers[n] for r, n in zip(robots, meanwhile, strict=True)),
+            40,
             "the other answers for all robots",
-        )  # fmt: skip
+        )
         first.send_signal(signal.SIGCONT)
         wait_until(lambda: shares(robots) == [2, 2], 60, "it is back")
         last = [robot.send() for robot in robots]
@@ -204,9 +214,10 @@ def test_a_model_that_cannot_be_loaded_is_reported_to_every_robot(fleets: Fleets
     robots = fleets.robots()
     try:
         wait_until(
-            lambda: all(r.statuses and r.statuses[-1].state == "degraded" for r in robots), 40,
+            lambda: all(r.statuses and r.statuses[-1].state == "degraded" for r in robots),
+            40,
             "every robot is told",
-        )  # fmt: skip
+        )
         assert "cannot be loaded (ValueError: time runs forward)" in robots[0].statuses[-1].reason
     finally:
         for robot in robots:

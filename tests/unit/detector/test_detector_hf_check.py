@@ -29,8 +29,15 @@ def test_the_command_runs_detector_masks_scorer_and_depth_and_draws_detections(
     )  # fmt: skip
     out = capsys.readouterr().out
     assert status == 0, out
-    for words in ("depth transformers:", "detector transformers:", "scorer transformers:",
-                  "ms a frame (median of 2)", "mug 0.", "a bed", "focal length"):  # fmt: skip
+    for words in (
+        "depth transformers:",
+        "detector transformers:",
+        "scorer transformers:",
+        "ms a frame (median of 2)",
+        "mug 0.",
+        "a bed",
+        "focal length",
+    ):
         assert words in out
     picture = cv2.imread(str(tmp_path / "room-checked.png"))
     assert picture is not None

@@ -198,9 +198,10 @@ def test_boxes_beyond_the_limit_of_one_pass_all_get_masks(models: dict[str, Path
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
 def test_boxes_of_one_model_get_masks_from_another_model(precision: str, models: dict[str, Path]):
     detector = HfDetector(
-        f"transformers:{models['owlv2']}", Placement("cpu", precision),
+        f"transformers:{models['owlv2']}",
+        Placement("cpu", precision),
         f"transformers:{models['sam2']}",
-    )  # fmt: skip
+    )
     detector.warm_up()
     found = detector.detect(frame_of(), context_of("mug", threshold=0.01)).detections
     assert found

@@ -15,8 +15,10 @@ def torch_with(cuda: bool, mps: bool = False, bf16: bool = True) -> Any:
     return SimpleNamespace(
         cuda=SimpleNamespace(is_available=lambda: cuda, is_bf16_supported=lambda: bf16),
         backends=SimpleNamespace(mps=SimpleNamespace(is_available=lambda: mps)),
-        float32="float32", float16="float16", bfloat16="bfloat16",
-    )  # fmt: skip
+        float32="float32",
+        float16="float16",
+        bfloat16="bfloat16",
+    )
 
 
 @pytest.mark.parametrize(

@@ -60,9 +60,12 @@ def test_clip_scores_equal_the_cosines_of_the_models_own_forward_pass(models: di
     model = hf.CLIPModel.from_pretrained(models["clip"]).eval()
     processor = hf.AutoProcessor.from_pretrained(models["clip"])
     inputs = processor(
-        text=list(PROMPTS.values()), images=picture(noise_image()), padding=True,
-        truncation=True, return_tensors="pt",
-    )  # fmt: skip
+        text=list(PROMPTS.values()),
+        images=picture(noise_image()),
+        padding=True,
+        truncation=True,
+        return_tensors="pt",
+    )
     with torch.inference_mode():
         out = model(**inputs)
         cosines = (out.logits_per_image[0] / model.logit_scale.exp()).clamp(0, 1)
@@ -77,9 +80,14 @@ def test_siglip_scores_map_the_models_own_cosines_to_0_to_1(family: str, models:
     model = hf.AutoModel.from_pretrained(models[family]).eval()
     processor = hf.AutoProcessor.from_pretrained(models[family])
     inputs = processor(
-        text=list(PROMPTS.values()), images=picture(noise_image()), padding="max_length",
-        max_length=16, truncation=True, return_tensors="pt", **sizes,
-    )  # fmt: skip
+        text=list(PROMPTS.values()),
+        images=picture(noise_image()),
+        padding="max_length",
+        max_length=16,
+        truncation=True,
+        return_tensors="pt",
+        **sizes,
+    )
     with torch.inference_mode():
         logits = model(**inputs).logits_per_image[0]
         cosines = (logits - model.logit_bias) / model.logit_scale.exp()

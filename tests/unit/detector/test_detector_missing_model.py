@@ -98,8 +98,9 @@ def test_gateway_and_bus_report_a_missing_model_and_later_the_detectors_metrics(
 
         wait_until(figures, 60, "time and memory per frame are in /metrics")
         lines = [x for x in rig.said_by("/metrics").splitlines() if 'service="detector"' in x]
-        values = {x.split('name="')[1].split('"')[0]: float(x.split()[-1])
-                  for x in lines if 'name="' in x}  # fmt: skip
+        values = {
+            x.split('name="')[1].split('"')[0]: float(x.split()[-1]) for x in lines if 'name="' in x
+        }
         assert values["detect_ms_median"] >= 10
         assert values["memory_mb"] > 20
     finally:
@@ -107,5 +108,9 @@ def test_gateway_and_bus_report_a_missing_model_and_later_the_detectors_metrics(
 
 
 NAMES = (
-    "detect_ms_median", "score_ms_median", "preview_ms_median", "memory_mb", "keyframes_answered",
-)  # fmt: skip
+    "detect_ms_median",
+    "score_ms_median",
+    "preview_ms_median",
+    "memory_mb",
+    "keyframes_answered",
+)

@@ -54,9 +54,10 @@ def test_a_service_with_models_from_folders_becomes_ready_and_answers(owl: Path,
         ),
     )
     service = RobotDetector(
-        MemoryBus(hub), health,
+        MemoryBus(hub),
+        health,
         settings(detector=f"transformers:{owl}", scorer=f"transformers:{clip}", device="cpu"),
-    )  # fmt: skip
+    )
     wait_until(lambda: health.state[0] == "ready", 30, "ready")
     bus.publish(KEYFRAME, frame_to_proto(frame_of()))
     assert len(seen) == 1
@@ -267,9 +268,10 @@ def test_a_hosted_model_is_unloaded_when_idle_and_loads_again_for_a_keyframe(
     bus.subscribe(OBSERVATION, seen.append)
     bus.publish(CONTEXT, context_to_proto(context_of("mug", threshold=0.01)))
     service = RobotDetector(
-        MemoryBus(hub), health,
+        MemoryBus(hub),
+        health,
         settings(detector=f"transformers:{owl}", device="cpu", unload_after_s=0.05),
-    )  # fmt: skip
+    )
     wait_until(lambda: health.metrics().get("unloads") == 1, 30, "unloaded")
     bus.publish(KEYFRAME, frame_to_proto(frame_of()))
     assert len(seen) == 1

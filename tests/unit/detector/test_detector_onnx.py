@@ -63,8 +63,12 @@ def test_each_class_has_its_own_threshold_from_the_context(tmp_path: Path):
     there = (200.0, 60.0, 260.0, 160.0)
     found = [(BOX, CUP, 0.5), (there, CHAIR, 0.5)]
     detector = opened(tiny_onnx.yolox(tmp_path / "m.onnx", found, 80))
-    for limits, names in (((0.4, 0.4), {"mug", "chair"}), ((0.6, 0.4), {"chair"}),
-                          ((0.5, 0.6), {"mug"}), ((0.6, 0.6), set())):  # fmt: skip
+    for limits, names in (
+        ((0.4, 0.4), {"mug", "chair"}),
+        ((0.6, 0.4), {"chair"}),
+        ((0.5, 0.6), {"mug"}),
+        ((0.6, 0.6), set()),
+    ):
         classes = (
             SearchClass("mug", Role.OBJECT, limits[0]),
             SearchClass("chair", Role.WATCH, limits[1]),

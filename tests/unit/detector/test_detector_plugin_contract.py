@@ -308,10 +308,13 @@ def test_a_faulty_detector_fails_its_claim(make: Callable[[], PaintDetector], cl
 @pytest.mark.parametrize(
     ("kind", "slip"),
     [
-        ("tiny", big_only), ("without depth", with_depth), ("black", needs_paint),
-        ("grey", needs_paint), ("white", needs_paint),
+        ("tiny", big_only),
+        ("without depth", with_depth),
+        ("black", needs_paint),
+        ("grey", needs_paint),
+        ("white", needs_paint),
     ],
-)  # fmt: skip
+)
 def test_a_detector_that_fails_at_an_odd_frame_fails_the_contract(kind: str, slip: Any) -> None:
     check = DetectorContract().test_an_odd_frame_is_answered
     check(DetectorBench(PaintDetector), kind)
@@ -485,9 +488,13 @@ def test_every_claim_about_a_scorer_has_a_faulty_scorer() -> None:
 # --- from the shell ------------------------------------------------------------------------------
 def suite(*flags: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "helios_contract", *flags], cwd=cwd, capture_output=True, text=True,
-        timeout=120, check=False,
-    )  # fmt: skip
+        [sys.executable, "-m", "helios_contract", *flags],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
 
 
 def test_the_contract_command_tests_a_detector_of_the_current_folder(tmp_path: Path) -> None:
@@ -547,6 +554,10 @@ def test_the_tutorials_plug_ins_pass_the_contract(tmp_path: Path) -> None:
         assert done.returncode == 0, done.stdout[-3000:] + done.stderr
     own = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_blobs.py"],
-        cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert own.returncode == 0, own.stdout[-3000:]

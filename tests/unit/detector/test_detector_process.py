@@ -35,9 +35,10 @@ def test_the_process_reports_a_missing_model_then_answers_and_ends_at_sigterm(tm
         bus.subscribe(status_topic("detector"), states.append)
         bus.subscribe(OBSERVATION, seen.append)
         wait_until(
-            lambda: any("is not there; put config.json" in s.reason for s in states), 30,
+            lambda: any("is not there; put config.json" in s.reason for s in states),
+            30,
             "it says what is missing",
-        )  # fmt: skip
+        )
         assert states[-1].state == "waiting"
         model.symlink_to(tiny_models.write("owlv2", tmp_path / "owl"))
         wait_until(lambda: states[-1].state == "ready", 60, "the model works")

@@ -99,8 +99,9 @@ def test_a_mug_is_detected_under_its_asked_name_in_most_of_its_views(found, mug,
 @pytest.mark.parametrize("mug", ["A", "B"])
 def test_the_median_mask_depth_of_a_mug_is_within_7_cm_in_9_of_10_frames(found, mug):
     _, hits = views_of(mug, found)
-    good = [f.depth_m[d.mask].size and abs(np.median(f.depth_m[d.mask]) - z) < 0.07
-            for f, d, z in hits]  # fmt: skip
+    good = [
+        f.depth_m[d.mask].size and abs(np.median(f.depth_m[d.mask]) - z) < 0.07 for f, d, z in hits
+    ]
     assert sum(map(bool, good)) >= 0.9 * len(hits)
 
 

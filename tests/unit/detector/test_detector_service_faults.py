@@ -33,8 +33,9 @@ def test_keyframes_fail_with_the_reason_until_the_ground_truth_is_available_agai
     rig.truth.down = True
     rig.bus.publish(KEYFRAME, first)
     assert rig.health.state == (
-        "degraded", "the last keyframe could not be answered: the world is away"
-    )  # fmt: skip
+        "degraded",
+        "the last keyframe could not be answered: the world is away",
+    )
     rig.truth.down = False
     rig.bus.publish(KEYFRAME, second)
     assert [o.frame.id.seq for o in rig.observations] == [2]

@@ -88,9 +88,7 @@ def test_the_side_fades_with_the_angle_as_in_ovmm_v1(apart_deg, expected):
     ],
 )  # fmt: skip
 def test_the_view_fades_within_36_degrees_and_half_as_far_again(apart_deg, ratio, expected):
-    got = correlation(*(
-        draws(VIEW, directions() + apart_deg * k, 2.0 * ratio**k) for k in (0, 1)
-    ))  # fmt: skip
+    got = correlation(*(draws(VIEW, directions() + apart_deg * k, 2.0 * ratio**k) for k in (0, 1)))
     assert abs(got - expected) < 0.03
 
 
@@ -142,11 +140,9 @@ def test_each_object_and_purpose_has_its_own_phase():
 def test_no_direction_of_the_world_is_special():
     """Views on both sides of a boundary of the agent's sectors are as alike as in its middle."""
     at_boundaries, in_middles = (
-        np.mean([
-            correlation(*(draws(BOTH, s + 30 * k + by) for by in (-2, 2))) for k in range(12)
-        ])
+        np.mean([correlation(*(draws(BOTH, s + 30 * k + by) for by in (-2, 2))) for k in range(12)])
         for s in (0, 15)
-    )  # fmt: skip
+    )
     assert abs(at_boundaries - in_middles) < 0.005
 
 
@@ -162,10 +158,14 @@ def test_misses_confusions_and_second_names_occur_as_often_as_with_ovmm_v1(place
         table = table.scaled(level)
         found = verdicts([thing] * len(keys), table, keys, eye_m, 1)
         reported = [v.names for v in found if v.names]
-        counts[name] = np.array([
-            len(found) - len(reported), sum(n[0][0] != "mug" for n in reported),
-            sum(len(n) == 2 for n in reported), len(reported),
-        ])  # fmt: skip
+        counts[name] = np.array(
+            [
+                len(found) - len(reported),
+                sum(n[0][0] != "mug" for n in reported),
+                sum(len(n) == 2 for n in reported),
+                len(reported),
+            ]
+        )
         miss = float(table.miss(["mug"], np.array([1000]), np.array([distance_m]))[0])
         expected[name] = miss, table.confuse("mug"), table.second("mug")
     old, new = counts.values()

@@ -29,10 +29,11 @@ def test_every_shipped_table_loads_under_its_own_name():
 
 def test_entries_override_those_of_the_base_section_by_section(tmp_path):
     path = written(
-        tmp_path, "mine.toml",
+        tmp_path,
+        "mine.toml",
         'base = "ovmm-v1"\nname = "mine"\n[scale]\nmiss = 0.1\n[miss.factor]\nmug = 2.0\n'
         "[score]\ntrue = [0.2, 0.9]\n",
-    )  # fmt: skip
+    )
     mine, base = views(path), views("ovmm-v1")
     assert mine.name == "mine"
     assert mine.file.scale == base.file.scale.model_copy(update={"miss": 0.1})

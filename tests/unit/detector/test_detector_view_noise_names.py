@@ -34,11 +34,13 @@ def around(noise: ViewNoiseTable) -> list[list[SimulatedResult]]:
     """Results for mugs at the origin, seen from each side."""
     mugs = [
         Visible(
-            TruthInstance(k, "mug", np.zeros(3), True, f"mug_{k}"), 2000, (0, 0, 50, 50),
+            TruthInstance(k, "mug", np.zeros(3), True, f"mug_{k}"),
+            2000,
+            (0, 0, 50, 50),
             np.ones((50, 50), bool),
         )
         for k in range(MUGS)
-    ]  # fmt: skip
+    ]
     keys = [key_of(mug.instance.name) for mug in mugs]
     angles = [k * math.tau / SIDES for k in range(SIDES)]
     return [
@@ -72,9 +74,9 @@ def test_scores_of_one_view_depend_on_one_another_as_the_table_says(
     tmp_path: Path, together: float
 ) -> None:
     noise = table(tmp_path, f"[score]\ntogether = {together}\n")
-    scores = np.array([
-        [score for _, score in r.names] for results in around(noise) for r in results
-    ])  # fmt: skip
+    scores = np.array(
+        [[score for _, score in r.names] for results in around(noise) for r in results]
+    )
     found = np.corrcoef(scores.T)[0, 1]
     assert found == pytest.approx(together, abs=0.2)
 

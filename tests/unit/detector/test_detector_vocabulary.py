@@ -21,11 +21,18 @@ def served(*asked: str) -> dict[str, frozenset[str]]:
 @pytest.mark.parametrize(
     ("asked", "known"),
     [
-        ("mug", "cup"), ("Sofa", "couch"), ("television", "tv"), ("TV", "tv"), ("fridge",
-        "refrigerator"), ("coffee table", "dining table"), ("table", "dining table"),
-        ("potted_plant", "potted plant"), ("remote control", "remote"), ("cup", "cup"),
+        ("mug", "cup"),
+        ("Sofa", "couch"),
+        ("television", "tv"),
+        ("TV", "tv"),
+        ("fridge", "refrigerator"),
+        ("coffee table", "dining table"),
+        ("table", "dining table"),
+        ("potted_plant", "potted plant"),
+        ("remote control", "remote"),
+        ("cup", "cup"),
     ],
-)  # fmt: skip
+)
 def test_an_asked_name_maps_to_the_name_that_the_detector_knows(asked, known):
     assert served(asked) == {asked: frozenset({known})}
 
@@ -109,6 +116,7 @@ def test_other_names_are_sought_unless_they_match_a_class():
 def test_a_fixed_vocabulary_seeks_the_other_names_that_it_knows_and_refuses_none():
     found, refused = fixed_wanted(also("bed", "couch", "teapot", "bowl"), COCO_NAMES)
     assert {w.name: w.names for w in found if w.is_also} == {
-        "bed": frozenset({"bed"}), "bowl": frozenset({"bowl"}),
-    }  # fmt: skip
+        "bed": frozenset({"bed"}),
+        "bowl": frozenset({"bowl"}),
+    }
     assert not refused

@@ -6,8 +6,12 @@ from helios_core.errors import InvalidInput, Unavailable
 from helios_detector.yolox_detector import YoloxDetector, decode, letter_box, suppressed
 
 SIZE = (64, 96)
-CELLS = [(stride, x, y) for stride in (8, 16, 32) for y in range(64 // stride)
-         for x in range(96 // stride)]  # fmt: skip
+CELLS = [
+    (stride, x, y)
+    for stride in (8, 16, 32)
+    for y in range(64 // stride)
+    for x in range(96 // stride)
+]
 
 
 def test_letter_box_keeps_proportions_and_pads_with_grey_at_the_end():

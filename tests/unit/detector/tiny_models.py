@@ -40,19 +40,37 @@ def bert_tokenizer(**kwargs: Any) -> Any:
     return hf.BertTokenizer(vocab={w: i for i, w in by_place.items()}, **kwargs)
 
 
-BERT = {"vocab_size": 1030, "hidden_size": 16, "num_hidden_layers": 1, "num_attention_heads": 2,
-        "intermediate_size": 32, "max_position_embeddings": 256}  # fmt: skip
+BERT = {
+    "vocab_size": 1030,
+    "hidden_size": 16,
+    "num_hidden_layers": 1,
+    "num_attention_heads": 2,
+    "intermediate_size": 32,
+    "max_position_embeddings": 256,
+}
 CLIP_TEXT = {"vocab_size": 128, "hidden_size": 16, "intermediate_size": 32,
              "num_hidden_layers": 1, "num_attention_heads": 2, "projection_dim": 16,
              "bos_token_id": 77, "eos_token_id": 78, "pad_token_id": 0}  # fmt: skip
-SWIN = {"embed_dim": 8, "depths": [1, 1, 1, 1], "num_heads": [1, 1, 2, 2], "window_size": 4,
-        "image_size": SIDE, "out_features": ["stage2", "stage3", "stage4"]}  # fmt: skip
+SWIN = {
+    "embed_dim": 8,
+    "depths": [1, 1, 1, 1],
+    "num_heads": [1, 1, 2, 2],
+    "window_size": 4,
+    "image_size": SIDE,
+    "out_features": ["stage2", "stage3", "stage4"],
+}
 DETR_SIZE = {"shortest_edge": SIDE, "longest_edge": 96}
 
 
 def _owl(model_type: str) -> tuple[Any, Any]:
-    vision = {"hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 1,
-              "num_attention_heads": 2, "image_size": SIDE, "patch_size": 16}  # fmt: skip
+    vision = {
+        "hidden_size": 16,
+        "intermediate_size": 32,
+        "num_hidden_layers": 1,
+        "num_attention_heads": 2,
+        "image_size": SIDE,
+        "patch_size": 16,
+    }
     text = CLIP_TEXT | {"max_position_embeddings": 16}
     name = {"owlvit": "OwlViT", "owlv2": "Owlv2"}[model_type]
     config = getattr(hf, f"{name}Config")(text_config=text, vision_config=vision, projection_dim=16)
@@ -98,25 +116,35 @@ def _omdet() -> tuple[Any, Any]:
 
 def _sam2() -> tuple[Any, Any]:
     backbone = hf.Sam2HieraDetConfig(
-        hidden_size=8, num_attention_heads=1, image_size=[128, 128], blocks_per_stage=[1, 1, 2, 1],
-        embed_dim_per_stage=[8, 16, 32, 64], num_attention_heads_per_stage=[1, 1, 2, 2],
-        window_size_per_stage=[4, 2, 2, 2], global_attention_blocks=[3],
+        hidden_size=8,
+        num_attention_heads=1,
+        image_size=[128, 128],
+        blocks_per_stage=[1, 1, 2, 1],
+        embed_dim_per_stage=[8, 16, 32, 64],
+        num_attention_heads_per_stage=[1, 1, 2, 2],
+        window_size_per_stage=[4, 2, 2, 2],
+        global_attention_blocks=[3],
         window_positional_embedding_background_size=[4, 4],
-    )  # fmt: skip
+    )
     vision = hf.Sam2VisionConfig(
-        backbone_config=backbone, backbone_channel_list=[64, 32, 16, 8],
-        backbone_feature_sizes=[[32, 32], [16, 16], [8, 8]], fpn_hidden_size=16,
-    )  # fmt: skip
+        backbone_config=backbone,
+        backbone_channel_list=[64, 32, 16, 8],
+        backbone_feature_sizes=[[32, 32], [16, 16], [8, 8]],
+        fpn_hidden_size=16,
+    )
     config = hf.Sam2Config(
         vision_config=vision,
         prompt_encoder_config=hf.Sam2PromptEncoderConfig(
             hidden_size=16, image_size=128, patch_size=16, mask_input_channels=4
         ),
         mask_decoder_config=hf.Sam2MaskDecoderConfig(
-            hidden_size=16, mlp_dim=32, num_hidden_layers=2, num_attention_heads=2,
+            hidden_size=16,
+            mlp_dim=32,
+            num_hidden_layers=2,
+            num_attention_heads=2,
             iou_head_hidden_dim=16,
         ),
-    )  # fmt: skip
+    )
     images = hf.Sam2ImageProcessor(
         size={"height": 128, "width": 128}, mask_size={"height": 32, "width": 32}
     )
@@ -126,15 +154,22 @@ def _sam2() -> tuple[Any, Any]:
 def _sam3() -> tuple[Any, Any]:
     side, patch = 112, 14
     backbone = hf.Sam3ViTConfig(
-        hidden_size=16, intermediate_size=32, num_hidden_layers=2, num_attention_heads=2,
-        image_size=side, patch_size=patch, pretrain_image_size=side, window_size=4,
+        hidden_size=16,
+        intermediate_size=32,
+        num_hidden_layers=2,
+        num_attention_heads=2,
+        image_size=side,
+        patch_size=patch,
+        pretrain_image_size=side,
+        window_size=4,
         global_attn_indexes=[1],
-    )  # fmt: skip
+    )
     cells = side // patch
     vision = hf.Sam3VisionConfig(
-        backbone_config=backbone, fpn_hidden_size=16,
+        backbone_config=backbone,
+        fpn_hidden_size=16,
         backbone_feature_sizes=[[cells * 4] * 2, [cells * 2] * 2, [cells] * 2],
-    )  # fmt: skip
+    )
     small: dict[str, Any] = {"hidden_size": 16, "num_attention_heads": 2, "intermediate_size": 32}
     config = hf.Sam3Config(
         vision_config=vision,
@@ -143,15 +178,21 @@ def _sam3() -> tuple[Any, Any]:
         detr_encoder_config=hf.Sam3DETREncoderConfig(**small, num_layers=1),
         detr_decoder_config=hf.Sam3DETRDecoderConfig(**small, num_layers=1, num_queries=12),
         mask_decoder_config=hf.Sam3MaskDecoderConfig(hidden_size=16, num_attention_heads=2),
-    )  # fmt: skip
+    )
     images = hf.Sam3ImageProcessor(
         size={"height": side, "width": side}, mask_size={"height": 32, "width": 32}
     )
     return hf.Sam3Model(config), hf.Sam3Processor(images, clip_tokenizer(32))
 
 
-VIT = {"hidden_size": 16, "intermediate_size": 32, "num_hidden_layers": 1,
-       "num_attention_heads": 2, "image_size": 32, "patch_size": 8}  # fmt: skip
+VIT = {
+    "hidden_size": 16,
+    "intermediate_size": 32,
+    "num_hidden_layers": 1,
+    "num_attention_heads": 2,
+    "image_size": 32,
+    "patch_size": 8,
+}
 
 
 def _clip() -> tuple[Any, Any]:
@@ -174,9 +215,13 @@ def letters_sentencepiece() -> Any:
     tokenizer.pre_tokenizer = pre_tokenizers.Metaspace()
     tokenizer.post_processor = processors.TemplateProcessing("$A <eos>", None, [("<eos>", 1)])
     return hf.PreTrainedTokenizerFast(
-        tokenizer_object=tokenizer, pad_token="<pad>", eos_token="<eos>", unk_token="<unk>",
-        model_max_length=16, model_input_names=["input_ids"],
-    )  # fmt: skip
+        tokenizer_object=tokenizer,
+        pad_token="<pad>",
+        eos_token="<eos>",
+        unk_token="<unk>",
+        model_max_length=16,
+        model_input_names=["input_ids"],
+    )
 
 
 def _siglip(version: str) -> tuple[Any, Any]:
@@ -236,16 +281,27 @@ def _depth_pro(own_focal: bool = True) -> tuple[Any, Any]:
 
 def _depth_anything(metric: bool) -> tuple[Any, Any]:
     backbone = hf.Dinov2Config(
-        hidden_size=16, num_hidden_layers=2, num_attention_heads=2, mlp_ratio=2, image_size=28,
-        patch_size=14, out_features=["stage1", "stage2"], reshape_hidden_states=False,
+        hidden_size=16,
+        num_hidden_layers=2,
+        num_attention_heads=2,
+        mlp_ratio=2,
+        image_size=28,
+        patch_size=14,
+        out_features=["stage1", "stage2"],
+        reshape_hidden_states=False,
         apply_layernorm=True,
-    )  # fmt: skip
+    )
     config = hf.DepthAnythingConfig(
-        backbone_config=backbone, reassemble_hidden_size=16, patch_size=14,
-        reassemble_factors=[2, 1], neck_hidden_sizes=[8, 8], fusion_hidden_size=8,
+        backbone_config=backbone,
+        reassemble_hidden_size=16,
+        patch_size=14,
+        reassemble_factors=[2, 1],
+        neck_hidden_sizes=[8, 8],
+        fusion_hidden_size=8,
         head_hidden_size=8,
-        depth_estimation_type="metric" if metric else "relative", max_depth=20,
-    )  # fmt: skip
+        depth_estimation_type="metric" if metric else "relative",
+        max_depth=20,
+    )
     images = hf.DPTImageProcessor(
         size={"height": 56, "width": 56}, keep_aspect_ratio=True, ensure_multiple_of=14
     )

@@ -7,9 +7,14 @@ from helios_eval.episodes.home_presets import digest_of
 
 def belief(instance: int, correct: bool, class_score: float = 0.6, **figures) -> Belief:
     chosen = {
-        "step": 10, "role": "object", "class_name": "mug", "score": class_score - 0.1,
-        "uncertainty": 0.1, "views": 3, "gaussians": 50,
-    }  # fmt: skip
+        "step": 10,
+        "role": "object",
+        "class_name": "mug",
+        "score": class_score - 0.1,
+        "uncertainty": 0.1,
+        "views": 3,
+        "gaussians": 50,
+    }
     return Belief.model_validate(
         {**chosen, **figures, "instance": instance, "correct": correct, "class_score": class_score}
     )
@@ -42,9 +47,16 @@ def episodes(
             s = float(np.clip(rng.beta(2, 1.2), 0.02, 0.98))
             u = float(np.sqrt(s * (1 - s) / (views + 2)))
             right = bool(rng.random() < np.clip(s - overconfident + luck, 0, 1))
-            found.append(belief(
-                instance, right, s, score=s - u, uncertainty=u, views=views,
-                role="object" if instance % 2 else "goal",
-            ))  # fmt: skip
+            found.append(
+                belief(
+                    instance,
+                    right,
+                    s,
+                    score=s - u,
+                    uncertainty=u,
+                    views=views,
+                    role="object" if instance % 2 else "goal",
+                )
+            )
         out.append(record(seed, tuple(found), **chosen))
     return out

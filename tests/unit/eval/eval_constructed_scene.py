@@ -16,19 +16,29 @@ def constructed_map() -> MapView:
     occupancy[10:150, 10:150] = FREE
     top_m = np.zeros(shape, np.float32)
     for rows, columns, height in (
-        (slice(10, 13), slice(10, 150), 2.5), (slice(147, 150), slice(10, 150), 2.5),
-        (slice(10, 150), slice(10, 13), 2.5), (slice(10, 70), slice(95, 98), 2.5),
-        (slice(90, 150), slice(95, 98), 2.5), (slice(100, 125), slice(30, 60), 0.45),
-        (slice(14, 26), slice(40, 90), 0.9), (slice(110, 140), slice(110, 130), 0.75),
-    ):  # fmt: skip
+        (slice(10, 13), slice(10, 150), 2.5),
+        (slice(147, 150), slice(10, 150), 2.5),
+        (slice(10, 150), slice(10, 13), 2.5),
+        (slice(10, 70), slice(95, 98), 2.5),
+        (slice(90, 150), slice(95, 98), 2.5),
+        (slice(100, 125), slice(30, 60), 0.45),
+        (slice(14, 26), slice(40, 90), 0.9),
+        (slice(110, 140), slice(110, 130), 0.75),
+    ):
         occupancy[rows, columns] = OCCUPIED
         top_m[rows, columns] = height
     explored = occupancy != UNKNOWN
     y, x = np.mgrid[0 : shape[0], 0 : shape[1]]
     value = (0.12 + 0.2 * np.exp(-((x - 120) ** 2 + (y - 80) ** 2) / 3000)).astype(np.float32)
     return MapView(
-        version=7, frame_id=FrameId("boot", 0, 7), context_id="c", cell_m=CELL_M,
-        origin_m=(-2.0, -1.5), occupancy=occupancy, explored=explored, top_m=top_m,
+        version=7,
+        frame_id=FrameId("boot", 0, 7),
+        context_id="c",
+        cell_m=CELL_M,
+        origin_m=(-2.0, -1.5),
+        occupancy=occupancy,
+        explored=explored,
+        top_m=top_m,
         values={"pick": np.where(explored, value, 0), "place": np.where(explored, 0.4 - value, 0)},
         frontiers=(
             pb.Frontier(id=1, x_m=5.4, y_m=2.0, reachable=True, values={"pick": 0.31}),
@@ -36,8 +46,9 @@ def constructed_map() -> MapView:
         ),
         robot_pose=(1.5, 1.8, 0.6),
         trajectory_m=np.array([[0, 0], [0.8, 0.3], [1.2, 1.0], [1.5, 1.8]], np.float32),
-        explored_m2=41.5, occupied_m2=6.0,
-    )  # fmt: skip
+        explored_m2=41.5,
+        occupied_m2=6.0,
+    )
 
 
 def thing(name: str, x: float, y: float, half_m: float, score: float, views: int = 4):
@@ -52,10 +63,12 @@ def thing(name: str, x: float, y: float, half_m: float, score: float, views: int
 def constructed_decision(candidates: int = 6) -> pb.Decision:
     rng = np.random.default_rng(0)
     out = pb.Decision(
-        index=11, phase="find_object", rule="global search (eq. 8-10)",
+        index=11,
+        phase="find_object",
+        rule="global search (eq. 8-10)",
         why="explore frontier 4: value 0.31 times 1.42 at 3.1 m gives 0.437, the best of 6",
         settings={"alpha_d": 0.001, "frontier_scale": 1.42},
-    )  # fmt: skip
+    )
     for k in range(candidates):
         terms = {"distance_m": float(rng.uniform(1, 9)), "total": float(rng.uniform(0, 0.4))}
         if k % 3 == 0:

@@ -67,8 +67,14 @@ def episode(seed: int, agent: str = "helios-paper", **changes: Any) -> EpisodeRe
     return EpisodeRecord(**(values | changes))
 
 
-STAGES = {"render camera": 21.0, "object map": 14.0, "detect": 6.0, "map 2d": 9.0, "plan": 5.0,
-          "gaze points": 3.0}  # fmt: skip
+STAGES = {
+    "render camera": 21.0,
+    "object map": 14.0,
+    "detect": 6.0,
+    "map 2d": 9.0,
+    "plan": 5.0,
+    "gaze points": 3.0,
+}
 
 
 def _beliefs(rng: np.random.Generator, steps: int) -> list[Belief]:
@@ -79,11 +85,18 @@ def _beliefs(rng: np.random.Generator, steps: int) -> list[Belief]:
         unsure = float(rng.beta(2, 8))
         out.append(
             Belief(
-                step=steps, instance=instance, role=("object", "start", "goal")[instance % 3],
-                class_name="synthetic", class_score=score, score=score - unsure * 0.3,
-                uncertainty=unsure, views=int(rng.integers(1, 12)), gaussians=200, correct=right,
+                step=steps,
+                instance=instance,
+                role=("object", "start", "goal")[instance % 3],
+                class_name="synthetic",
+                class_score=score,
+                score=score - unsure * 0.3,
+                uncertainty=unsure,
+                views=int(rng.integers(1, 12)),
+                gaussians=200,
+                correct=right,
             )
-        )  # fmt: skip
+        )
     return out
 
 
@@ -134,11 +147,18 @@ def main(folder: Path) -> None:
     from helios_eval.report import write_report
 
     episodes = [episode(s, a) for a in CHANCES for s in range(60)]
-    episodes += [episode(s, a, semantics="ground-truth")
-                 for a in ("helios-paper", "trusting") for s in range(60)]  # fmt: skip
+    episodes += [
+        episode(s, a, semantics="ground-truth")
+        for a in ("helios-paper", "trusting")
+        for s in range(60)
+    ]
     write(folder, episodes)
-    run = {"command": "helios eval ovmm --agents helios-paper (SYNTHETIC: nothing was run)",
-           "machine": "no machine: synthetic", "started": "never", "wall_s": 0.0}  # fmt: skip
+    run = {
+        "command": "helios eval ovmm --agents helios-paper (SYNTHETIC: nothing was run)",
+        "machine": "no machine: synthetic",
+        "started": "never",
+        "wall_s": 0.0,
+    }
     (folder / "run.json").write_text(json.dumps(run))
     write_report(folder)
 

@@ -13,9 +13,13 @@ from helios_eval.studies.absence_reliability import claims, first_estimates, mai
 
 def estimate(probability: float, searches: int = 1, step: int = 100) -> AbsenceEstimate:
     return AbsenceEstimate(
-        step=step, searches=searches, probability=probability, start_score=0.9, tried=0,
+        step=step,
+        searches=searches,
+        probability=probability,
+        start_score=0.9,
+        tried=0,
         best_score=0.0,
-    )  # fmt: skip
+    )
 
 
 PRESENT = [record(s, absence=(estimate(0.65 if s < 2 else 0.25),)) for s in range(8)]

@@ -145,9 +145,14 @@ def test_an_absent_task_has_goals_and_no_candidate(demo_home: Home) -> None:
 
 @pytest.mark.parametrize(
     ("there", "asked"),
-    [("photo frame", "picture frame"), ("sneaker", "shoe"), ("tennis ball", "ball"),
-     ("Remote_Control", "remote control"), ("pitcher", "jug")],
-)  # fmt: skip
+    [
+        ("photo frame", "picture frame"),
+        ("sneaker", "shoe"),
+        ("tennis ball", "ball"),
+        ("Remote_Control", "remote control"),
+        ("pitcher", "jug"),
+    ],
+)
 def test_a_synonym_or_a_narrower_name_in_the_home_excludes_a_class(there: str, asked: str) -> None:
     thing, empty = SimpleNamespace(class_name=there), {"receptacles": (), "fixtures": ()}
     bare = SimpleNamespace(objects=(), preset=PRESETS["ovmm-v1"], **empty)
@@ -207,9 +212,14 @@ def test_the_walker_reports_an_absent_object_at_once() -> None:
 
 def test_an_agent_without_steps_does_not_answer_an_absent_task() -> None:
     spec = EpisodeSpec(
-        "ovmm", "helios", "noisy", "demo-v1", 0, noise_of("demo-v1", 1.0, None),
+        "ovmm",
+        "helios",
+        "noisy",
+        "demo-v1",
+        0,
+        noise_of("demo-v1", 1.0, None),
         {"absent": 1.0, "max_steps": 3},
-    )  # fmt: skip
+    )
     played = play(spec, "here")
     assert (played.record.absent, played.record.success) == (True, False)
     assert (played.record.cause, played.record.reported_cause) == ("step budget", "step budget")
@@ -273,17 +283,29 @@ def test_the_commands_that_play_and_film_an_episode_again_name_the_share() -> No
 
 # --- metrics and report ---------------------------------------------------------------------------
 def outcome(seed: int, absent: bool, agent: str = "helios-paper", **more: Any) -> EpisodeRecord:
-    lost = {"find_object": False, "pick": False, "find_receptacle": False, "place": False,
-            "success": False, "cause": "step budget", "state": "failed"}  # fmt: skip
+    lost = {
+        "find_object": False,
+        "pick": False,
+        "find_receptacle": False,
+        "place": False,
+        "success": False,
+        "cause": "step budget",
+        "state": "failed",
+    }
     settings = {"absent": 0.5, "detector.scorer": "lexical"}
     chosen = lost | {"absent": absent, "agent": agent, "settings": settings} | more
     return record(seed, **chosen)
 
 
 WON: dict[str, Any] = {
-    "find_object": True, "pick": True, "find_receptacle": True, "place": True, "success": True,
-    "cause": "", "state": "succeeded",
-}  # fmt: skip
+    "find_object": True,
+    "pick": True,
+    "find_receptacle": True,
+    "place": True,
+    "success": True,
+    "cause": "",
+    "state": "succeeded",
+}
 RIGHT = NOT_FOUND | {"success": True, "cause": ""}
 
 
@@ -321,8 +343,15 @@ def test_the_report_has_a_table_of_present_and_absent_targets(tmp_path: Path) ->
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()
     assert row(markdown, "Present and absent targets")[1:] == [
-        "37.5", "50.0", "25.0", "4", "25.0", "25.0", "25.0", "4"
-    ]  # fmt: skip
+        "37.5",
+        "50.0",
+        "25.0",
+        "4",
+        "25.0",
+        "25.0",
+        "25.0",
+        "4",
+    ]
     assert "4 of 8 episodes (--absent 0.5)" in markdown.replace("\\", "")
     assert "the episodes with a present target alone" in markdown
     assert "the agent reports that it found no object" in markdown
@@ -341,8 +370,15 @@ def test_a_report_of_absent_targets_alone_has_no_phases(tmp_path: Path) -> None:
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()
     assert row(markdown, "Present and absent targets")[1:] == [
-        "25.0", "–", "–", "0", "25.0", "25.0", "25.0", "4"
-    ]  # fmt: skip
+        "25.0",
+        "–",
+        "–",
+        "0",
+        "25.0",
+        "25.0",
+        "25.0",
+        "4",
+    ]
     assert "nan" not in markdown.lower()
     written = results.rows(episode_record.read(tmp_path), ["unlimited"])
     assert written[0]["metrics"]["FindObj"] == {"mean": None, "sem": None, "n": 0}

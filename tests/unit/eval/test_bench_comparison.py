@@ -87,9 +87,9 @@ def test_a_run_measures_its_spread_and_reports_a_slower_row(
     monkeypatch.setattr(benchmark_run.importlib, "import_module", lambda _: module)
     old = tmp_path / "old.json"
     for ratio, slower in ((2.0, False), (4.0, True)):
-        old.write_text(json.dumps({
-            "machine": "another", "rows": [row.as_dict() | {"ratio": ratio}]
-        }))  # fmt: skip
+        old.write_text(
+            json.dumps({"machine": "another", "rows": [row.as_dict() | {"ratio": ratio}]})
+        )
         assert benchmark_run.main("view_scores", tmp_path / "new.json", old) is slower
     said = capsys.readouterr().out
     assert "another machine" in said
@@ -101,11 +101,15 @@ def test_of_several_runs_the_median_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     coming = iter([30.0, 10.0, 20.0])
-    module = type("Rows", (), {
-        "view_scores": staticmethod(
-            lambda: Row("view_scores", "x", 10.0, "peer", next(coming), 9, 0.1, 0.1, 0.02)
-        )
-    })  # fmt: skip
+    module = type(
+        "Rows",
+        (),
+        {
+            "view_scores": staticmethod(
+                lambda: Row("view_scores", "x", 10.0, "peer", next(coming), 9, 0.1, 0.1, 0.02)
+            )
+        },
+    )
     monkeypatch.setattr(benchmark_run.importlib, "import_module", lambda _: module)
     assert not benchmark_run.main("view_scores", tmp_path / "new.json", runs=3)
     (row,) = read_run(tmp_path / "new.json")[1]

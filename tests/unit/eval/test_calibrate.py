@@ -176,8 +176,9 @@ def test_images_alone_have_no_recorded_detections(folder: Path, tmp_path: Path, 
     assert not (tmp_path / "m.json").exists()
 
 
-@pytest.mark.parametrize("text", ["", "name,x,y\ncup,1,2\n", "name,x,y,z\n,1,2,3\n",
-                                  "name,x,y,z\ncup,1,2,inf\n"])  # fmt: skip
+@pytest.mark.parametrize(
+    "text", ["", "name,x,y\ncup,1,2\n", "name,x,y,z\n,1,2,3\n", "name,x,y,z\ncup,1,2,inf\n"]
+)
 def test_places_that_cannot_be_read_are_refused(text: str, tmp_path: Path) -> None:
     path = tmp_path / "places.csv"
     path.write_text(text)

@@ -25,9 +25,12 @@ def calibration_figures():
 
 def test_the_last_belief_of_each_instance_counts():
     beliefs = (
-        belief(1, False, step=20), belief(2, True, step=20), belief(1, True, 0.9, step=40),
-        belief(3, False, step=60), belief(3, True, 0.8, step=60),
-    )  # fmt: skip
+        belief(1, False, step=20),
+        belief(2, True, step=20),
+        belief(1, True, 0.9, step=40),
+        belief(3, False, step=60),
+        belief(3, True, 0.8, step=60),
+    )
     reported = record(0, beliefs)
     samples = samples_of([reported, record(1, beliefs[:1])])
     assert samples.class_score.tolist() == [0.9, 0.6, 0.8, 0.6]
@@ -52,18 +55,28 @@ def test_samples_are_selected_by_role():
 def test_settings_are_named_by_noise_and_by_their_differences():
     one = (belief(1, True),)
     table = Noise(table="other", digest="1", level=1.0, correlation=None)
-    groups = by_setting([
-        record(0, one), record(1, one, noise=CORRELATED),
-        record(2, one, semantics="ground-truth", noise=None), record(3),
-    ])  # fmt: skip
+    groups = by_setting(
+        [
+            record(0, one),
+            record(1, one, noise=CORRELATED),
+            record(2, one, semantics="ground-truth", noise=None),
+            record(3),
+        ]
+    )
     assert list(groups) == [
-        "ground truth", "noise ×1, correlation of the table", "noise ×2, correlation 1"
-    ]  # fmt: skip
+        "ground truth",
+        "noise ×1, correlation of the table",
+        "noise ×2, correlation 1",
+    ]
     assert [r.seed for rs in groups.values() for r in rs] == [2, 0, 1]
-    groups = by_setting([
-        record(0, one), record(0, one, agent="no-objective"), record(0, one, noise=table),
-        record(0, one, settings={"objectmap.prior": 2.0}),
-    ])  # fmt: skip
+    groups = by_setting(
+        [
+            record(0, one),
+            record(0, one, agent="no-objective"),
+            record(0, one, noise=table),
+            record(0, one, settings={"objectmap.prior": 2.0}),
+        ]
+    )
     assert len(groups) == 4
     assert "noise ×1, no-objective, table ovmm-v1, objectmap.prior=default" in groups
     assert "noise ×1, helios-paper, table ovmm-v1, objectmap.prior=2.0" in groups
@@ -132,8 +145,9 @@ def test_more_beliefs_of_the_same_homes_make_no_interval_narrower():
 
 def test_figures_have_an_image_a_caption_and_a_table(calibration_figures):
     assert [f.title.split(":")[0] for f in calibration_figures] == [
-        "Calibration by the detector's noise", *["Reliability", "What more views bring"] * 2,
-    ]  # fmt: skip
+        "Calibration by the detector's noise",
+        *["Reliability", "What more views bring"] * 2,
+    ]
     for figure in calibration_figures:
         picture = cv2.imdecode(np.frombuffer(figure.png, np.uint8), cv2.IMREAD_COLOR)
         assert picture is not None

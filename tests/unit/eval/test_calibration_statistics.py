@@ -126,8 +126,10 @@ def test_the_bootstrap_interval_covers_the_truth_at_about_its_nominal_rate():
         score, truth = drawn(600, seed=100 + seed, wrong_by=0.1)
         drawn_eces = st.bootstrap(
             lambda w, s=score, t=truth: st.ece(s, t, TEN, w),
-            np.repeat(np.arange(60), 10), 200, np.random.default_rng(seed),
-        )  # fmt: skip
+            np.repeat(np.arange(60), 10),
+            200,
+            np.random.default_rng(seed),
+        )
         low, high = st.percentile_interval(drawn_eces)
         held += low <= 0.1 <= high
     assert held >= 33

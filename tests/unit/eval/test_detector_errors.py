@@ -152,12 +152,19 @@ def around(
     """Sightings of one mug."""
     n = len(angles_deg)
     return Sightings(
-        home=np.zeros(n, np.int64), thing=np.full(n, thing), view=np.array(views),
-        class_name=np.array(["mug"] * n), pixels=np.full(n, 500.0),
-        distance_m=np.array(distances_m), angle_rad=np.radians(angles_deg),
-        unobstructed=np.ones(n, bool), right=np.full(n, 0.5), wrong=np.zeros(n),
-        wrong_name=np.array([""] * n), wrong_names=np.zeros(n, np.int64),
-    )  # fmt: skip
+        home=np.zeros(n, np.int64),
+        thing=np.full(n, thing),
+        view=np.array(views),
+        class_name=np.array(["mug"] * n),
+        pixels=np.full(n, 500.0),
+        distance_m=np.array(distances_m),
+        angle_rad=np.radians(angles_deg),
+        unobstructed=np.ones(n, bool),
+        right=np.full(n, 0.5),
+        wrong=np.zeros(n),
+        wrong_name=np.array([""] * n),
+        wrong_names=np.zeros(n, np.int64),
+    )
 
 
 @pytest.mark.parametrize(
@@ -218,10 +225,14 @@ def test_a_summary_tells_persistent_from_independent_errors(
     for name, right in log_p.items():
         n = things * turns
         seen = around(np.tile(np.arange(turns) * 15.0, things).tolist(), [1.0] * n, list(range(n)))
-        seen = Sightings(**{
-            **vars(seen), "thing": np.repeat(np.arange(things), turns),
-            "home": np.repeat(np.arange(things) % 6, turns), "right": 0.5 * right,
-        })  # fmt: skip
+        seen = Sightings(
+            **{
+                **vars(seen),
+                "thing": np.repeat(np.arange(things), turns),
+                "home": np.repeat(np.arange(things) % 6, turns),
+                "right": 0.5 * right,
+            }
+        )
         alarms = SightingLog(RIGHT, asked=2).false_alarms()
         found[name] = summary(seen, alarms).right_persists["90° further, same distance"].value
     assert found["fixed"] > 0.9

@@ -26,13 +26,19 @@ def run_of(folder: Path, like: str = "simulated:ovmm-v1-smooth") -> Path:
     wrong = reported & (rng.uniform(size=n) < 0.2)
     thing = np.repeat(np.arange(N), VIEWS)
     seen = Sightings(
-        home=thing % 8, thing=thing, view=np.arange(n) // 2,
-        class_name=np.array(["mug", "bowl"])[thing % 2], pixels=pixels,
-        distance_m=rng.choice([1.0, 1.6], n), angle_rad=rng.uniform(0, 6.28, n),
-        unobstructed=np.ones(n, bool), right=reported * rng.uniform(0.1, 0.9, n),
-        wrong=wrong * rng.uniform(0.1, 0.5, n), wrong_name=np.where(wrong, "vase", ""),
+        home=thing % 8,
+        thing=thing,
+        view=np.arange(n) // 2,
+        class_name=np.array(["mug", "bowl"])[thing % 2],
+        pixels=pixels,
+        distance_m=rng.choice([1.0, 1.6], n),
+        angle_rad=rng.uniform(0, 6.28, n),
+        unobstructed=np.ones(n, bool),
+        right=reported * rng.uniform(0.1, 0.9, n),
+        wrong=wrong * rng.uniform(0.1, 0.5, n),
+        wrong_name=np.where(wrong, "vase", ""),
         wrong_names=wrong.astype(np.int64),
-    )  # fmt: skip
+    )
     alarms = FalseAlarms(
         100, 5, np.full(10, 0.5), np.array(["vase"] * 10), np.full(10, 900.0), np.full(10, 2.0)
     )

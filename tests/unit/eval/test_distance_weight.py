@@ -43,8 +43,11 @@ def test_decisions_are_repeated_in_the_units_of_every_norm() -> None:
     decision = by_objective([NEAR, FAR], [FRONTIER], EMPTY, 0.001)
     got = rows(decision)
     assert {norm: r["other_winner_than_played"] for norm, r in got.items()} == {
-        "sum": 0, "per_gaussian": 1, "per_area": 0, "per_pixel": 1,
-    }  # fmt: skip
+        "sum": 0,
+        "per_gaussian": 1,
+        "per_area": 0,
+        "per_pixel": 1,
+    }
     wins = {norm: r["receptacle_wins"] for norm, r in got.items()}
     assert wins == {"sum": 1, "per_gaussian": 1, "per_area": 1, "per_pixel": 0}
     assert all(r["receptacle_wins"] + r["frontier_wins"] == 1 for r in got.values())
@@ -100,9 +103,11 @@ def test_an_episode_is_played_once_and_its_decisions_hold_their_gains(tmp_path: 
     assert all(d.settings["alpha_d"] == 0.02 for d in decisions)
     study = json.loads((tmp_path / "study.json").read_text())
     assert study["settings"] == {
-        "planner.alpha_d": "0.02", "planner.gain_norm": "sum", "max_steps": "60",
+        "planner.alpha_d": "0.02",
+        "planner.gain_norm": "sum",
+        "max_steps": "60",
         "detector.scorer": "simulated:itc-v1",
-    }  # fmt: skip
+    }
     assert study["rows"][0]["decisions"] == sum(len(d.candidates) > 1 for d in decisions)
     assert main(flags) == 0
     assert (tmp_path / "episodes.jsonl").read_text() == first

@@ -11,15 +11,21 @@ from helios_client import cli
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        (["--agents", "hal"], "hal"), (["--preset", "palace"], "palace"),
-        (["--picks", "none"], "picks"), (["--semantics", "vague"], "semantics"),
-        (["--seed0", "-1"], "seed0"), (["--set", "nonsense=1"], "nonsense"),
-        (["--sensor", "eyes"], "eyes"), (["--noise", "nowhere"], "nowhere"),
-        (["--agents", "helios,"], "empty"), (["--episodes", "0"], "episodes"),
-        (["--jobs", "none"], "jobs"), (["--nonsense"], "nonsense"),
+        (["--agents", "hal"], "hal"),
+        (["--preset", "palace"], "palace"),
+        (["--picks", "none"], "picks"),
+        (["--semantics", "vague"], "semantics"),
+        (["--seed0", "-1"], "seed0"),
+        (["--set", "nonsense=1"], "nonsense"),
+        (["--sensor", "eyes"], "eyes"),
+        (["--noise", "nowhere"], "nowhere"),
+        (["--agents", "helios,"], "empty"),
+        (["--episodes", "0"], "episodes"),
+        (["--jobs", "none"], "jobs"),
+        (["--nonsense"], "nonsense"),
         (["--absent", "1.5"], "absent"),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("benchmark", ["ovmm", "objectnav"])
 def test_a_usage_error_is_one_sentence_with_exit_status_2(
     benchmark: str,

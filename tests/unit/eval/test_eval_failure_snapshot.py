@@ -41,8 +41,10 @@ def test_a_loaded_failure_snapshot_equals_the_saved_one(tmp_path: Path) -> None:
 def test_failures_are_selected_by_the_exact_agent_name(tmp_path: Path) -> None:
     """Agent names may be prefixes of each other."""
     mine = failure_snapshot.save(tmp_path, KEPT)
-    others = [failure_snapshot.save(tmp_path, replace(KEPT, key=name, agent=name))
-              for name in ("helios", "helios-ground")]  # fmt: skip
+    others = [
+        failure_snapshot.save(tmp_path, replace(KEPT, key=name, agent=name))
+        for name in ("helios", "helios-ground")
+    ]
     assert failure_snapshot.all_of(tmp_path, "helios-paper") == [mine]
     assert failure_snapshot.all_of(tmp_path, "helios") == others[:1]
     assert failure_snapshot.all_of(tmp_path) == sorted([mine, *others])

@@ -67,7 +67,7 @@ def test_several_folders_together_give_every_table_and_the_pairs(tmp_path: Path)
         "helios-paper · alpha_cs=0.1 against helios-paper",
         "vlfm-helios-stop against vlfm",
         "helios-paper · ground truth against trusting · ground truth",
-    }, found  # fmt: skip
+    }, found
     assert len(merge_runs.run(folders)["commands"]) == 6
 
 
@@ -155,8 +155,9 @@ def test_folders_with_another_content_of_one_name_are_refused(tmp_path: Path) ->
     one = folder(tmp_path / "one", [episode(0)])
     noise = NOISE.model_copy(update={"digest": "1"})
     for name, changed in (
-        ("preset", episode(1, preset_hash="another")), ("noise", episode(1, noise=noise)),
-    ):  # fmt: skip
+        ("preset", episode(1, preset_hash="another")),
+        ("noise", episode(1, noise=noise)),
+    ):
         other = folder(tmp_path / name, [changed])
         with pytest.raises(InvalidInput, match=f"{name}.* report them apart"):
             merge_runs.episodes([one, other])

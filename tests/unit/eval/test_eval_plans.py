@@ -70,10 +70,12 @@ def test_a_folder_of_plans_takes_turns(tmp_path: Path) -> None:
 
 def test_flags_that_contradict_each_other_and_plans_that_cannot_be_used(tmp_path: Path) -> None:
     for homes, level, preset, said in (
-        (FLAT, "", "demo-v1", "leave one of them out"), (None, "Attic", "ovmm-v1", "--homes FILE"),
-        (tmp_path, "", "ovmm-v1", "no .sh3d file"), (FLAT, "Attic", "ovmm-v1", "has no level"),
+        (FLAT, "", "demo-v1", "leave one of them out"),
+        (None, "Attic", "ovmm-v1", "--homes FILE"),
+        (tmp_path, "", "ovmm-v1", "no .sh3d file"),
+        (FLAT, "Attic", "ovmm-v1", "has no level"),
         (tmp_path / "none.sh3d", "", "ovmm-v1", "does not exist"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(UsageError, match=said):
             _parse(homes, level, preset)
 

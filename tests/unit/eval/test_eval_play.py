@@ -77,8 +77,15 @@ def test_the_record_describes_the_episode(played_episode: PlayedEpisode) -> None
     assert record.noise == NOISE
     assert record.structure_hash
     assert record.step_ms > 0
-    stages = {"world_act", "world_capture", "world_segmentation", "detector_detect",
-              "objectmap_update", "map2d_occupancy", "map2d_value"}  # fmt: skip
+    stages = {
+        "world_act",
+        "world_capture",
+        "world_segmentation",
+        "detector_detect",
+        "objectmap_update",
+        "map2d_occupancy",
+        "map2d_value",
+    }
     assert stages <= set(record.stage_ms)
 
 

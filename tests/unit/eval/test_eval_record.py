@@ -54,11 +54,14 @@ def test_an_invalid_line_is_refused_with_its_number(tmp_path: Path, line: str) -
 
 def test_the_key_changes_with_every_condition_of_the_result() -> None:
     others = [
-        record(2), record(1, agent="trusting"), record(1, semantics="ground-truth", noise=None),
-        record(1, preset="demo-v1"), record(1, settings={"planner.alpha_d": 0.01}),
+        record(2),
+        record(1, agent="trusting"),
+        record(1, semantics="ground-truth", noise=None),
+        record(1, preset="demo-v1"),
+        record(1, settings={"planner.alpha_d": 0.01}),
         record(1, noise={"table": "t", "digest": "1", "level": 1.0, "correlation": None}),
         record(1, benchmark="objectnav"),
-    ]  # fmt: skip
+    ]
     assert len({FIRST.key, *(o.key for o in others)}) == 1 + len(others)
     assert record(1, steps=3, commit="other", wall_s=9.0).key == FIRST.key
     assert record(1, settings={"a": 1, "b": 2}).key == record(1, settings={"b": 2, "a": 1}).key

@@ -16,9 +16,16 @@ from helios_sim.failure_causes import OBJECT_NOT_FOUND
 
 GAVE_UP: dict[str, Any] = {"state": "failed", "reported_cause": OBJECT_NOT_FOUND}
 NAMES = [
-    "FindObj", "Pick", "FindRec", "Place", "SR", "partial", "collisions", "steps",
+    "FindObj",
+    "Pick",
+    "FindRec",
+    "Place",
+    "SR",
+    "partial",
+    "collisions",
+    "steps",
     "seconds_per_step",
-]  # fmt: skip
+]
 
 
 def metric(rows: list[dict], picks: object, name: str) -> dict[str, float]:
@@ -51,8 +58,10 @@ def test_means_have_a_standard_error() -> None:
 
 def test_the_mean_of_one_episode_has_no_standard_error() -> None:
     assert results.rows([record(0)], [UNLIMITED])[0]["metrics"]["SR"] == {
-        "mean": 1.0, "sem": None, "n": 1,
-    }  # fmt: skip
+        "mean": 1.0,
+        "sem": None,
+        "n": 1,
+    }
 
 
 def test_object_navigation_has_its_own_metrics_and_no_pick_limit() -> None:
@@ -68,8 +77,13 @@ def test_object_navigation_has_its_own_metrics_and_no_pick_limit() -> None:
 
 
 def test_records_with_different_conditions_get_separate_rows(tmp_path: Path) -> None:
-    some = [record(0), record(0, agent="trusting"), record(0, settings={"planner.alpha_d": 0.1}),
-            record(1), record(0, semantics="ground-truth", noise=None)]  # fmt: skip
+    some = [
+        record(0),
+        record(0, agent="trusting"),
+        record(0, settings={"planner.alpha_d": 0.1}),
+        record(1),
+        record(0, semantics="ground-truth", noise=None),
+    ]
     results.write(tmp_path, some, [UNLIMITED])
     rows = json.loads((tmp_path / results.RESULTS).read_text())
     assert [r["metrics"]["SR"]["n"] for r in rows] == [2, 1, 1, 1]

@@ -163,9 +163,11 @@ def test_a_run_resumes_from_a_copy_of_a_packed_run(fake_pool: FakePool, tmp_path
 
 @pytest.mark.parametrize(
     ("changed", "what"),
-    [({"preset_hash": "another"}, "preset ovmm-v1"),
-     ({"noise": NOISE.model_copy(update={"digest": "another"})}, "noise table ovmm-v1")],
-)  # fmt: skip
+    [
+        ({"preset_hash": "another"}, "preset ovmm-v1"),
+        ({"noise": NOISE.model_copy(update={"digest": "another"})}, "noise table ovmm-v1"),
+    ],
+)
 def test_a_run_refuses_to_resume_with_a_changed_preset_or_noise_table(
     changed: dict, what: str, fake_pool: FakePool, tmp_path: Path
 ) -> None:

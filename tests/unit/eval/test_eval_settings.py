@@ -21,12 +21,16 @@ def test_a_setting_is_found_by_its_name_and_keeps_its_type() -> None:
         ["alpha_d=0.01", "planner.margins_m=0.1,0.2", "gain_norm=sum", "map2d.cell_m=0.05"]
     )
     assert found == {
-        "planner.alpha_d": 0.01, "planner.margins_m": "0.1,0.2", "planner.gain_norm": "sum",
+        "planner.alpha_d": 0.01,
+        "planner.margins_m": "0.1,0.2",
+        "planner.gain_norm": "sum",
         "map2d.cell_m": 0.05,
-    }  # fmt: skip
+    }
     assert service_settings.of_service("planner", found) == {
-        "alpha_d": 0.01, "margins_m": (0.1, 0.2), "gain_norm": "sum",
-    }  # fmt: skip
+        "alpha_d": 0.01,
+        "margins_m": (0.1, 0.2),
+        "gain_norm": "sum",
+    }
 
 
 def test_a_default_value_does_not_count_as_a_setting() -> None:
@@ -80,14 +84,20 @@ def test_every_setting_of_an_agent_belongs_to_a_service() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("alpha_d", "name=value"), ("=1", "name=value"), ("nonsense=1", "no service has"),
-        ("nonsense=1", "helios_objectmap"), ("alpha_dd=1", "did you mean planner.alpha_d or"),
-        ("alpha_dd", "planner.alpha_d"), ("max_dept_m=3", "objectmap.max_depth_m or map2d."),
-        ("planner.tua_g=1", "planner.tau_g"), ("alpha_d=-1", "alpha_d"),
-        ("gain_norm=most", "per_gaussian"), ("max_depth_m=3", "objectmap.max_depth_m"),
+        ("alpha_d", "name=value"),
+        ("=1", "name=value"),
+        ("nonsense=1", "no service has"),
+        ("nonsense=1", "helios_objectmap"),
+        ("alpha_dd=1", "did you mean planner.alpha_d or"),
+        ("alpha_dd", "planner.alpha_d"),
+        ("max_dept_m=3", "objectmap.max_depth_m or map2d."),
+        ("planner.tua_g=1", "planner.tau_g"),
+        ("alpha_d=-1", "alpha_d"),
+        ("gain_norm=most", "per_gaussian"),
+        ("max_depth_m=3", "objectmap.max_depth_m"),
         ("planner.state_dir=/tmp", "no service has"),
     ],
-)  # fmt: skip
+)
 def test_an_invalid_setting_is_a_usage_error(text: str, words: str) -> None:
     with pytest.raises(UsageError, match=words):
         service_settings.parsed([text])
@@ -116,8 +126,10 @@ def test_names_are_accepted_in_any_case_and_deduplicated() -> None:
         scorer=None,
     )  # fmt: skip
     assert (under.agents, under.semantics, under.preset) == (
-        ("helios-paper",), "ground-truth", "demo-v1"
-    )  # fmt: skip
+        ("helios-paper",),
+        "ground-truth",
+        "demo-v1",
+    )
 
 
 @pytest.mark.parametrize(

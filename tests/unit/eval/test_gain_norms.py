@@ -59,5 +59,8 @@ def test_the_study_prints_one_line_for_every_norm(capsys: pytest.CaptureFixture[
     assert main([]) == 0
     said = capsys.readouterr().out
     assert [line.split(" |")[0] for line in said.splitlines() if "S·IG" in line] == [
-        "| S·IG, sum", "| S·IG, per_area", "| S·IG, per_pixel", "| S·IG, per_gaussian",
-    ]  # fmt: skip
+        "| S·IG, sum",
+        "| S·IG, per_area",
+        "| S·IG, per_pixel",
+        "| S·IG, per_gaussian",
+    ]

@@ -36,10 +36,16 @@ def observation(depth_m: NDArray[np.float32], mask: NDArray[np.bool_]) -> Observ
 
 
 def test_the_figures_count_ranking_best_instances_and_lost_ones() -> None:
-    found = figures_of([[
-        moment((0.6, 0.2), ("mug_0", "")), moment((0.1, 0.3), ("mug_0", "")), moment((), ()),
-        moment((0.4,), ("",)),
-    ]])["object"]  # fmt: skip
+    found = figures_of(
+        [
+            [
+                moment((0.6, 0.2), ("mug_0", "")),
+                moment((0.1, 0.3), ("mug_0", "")),
+                moment((), ()),
+                moment((0.4,), ("",)),
+            ]
+        ]
+    )["object"]
     assert found.row() == ["0.500", "0.50", "0.75", "5"]
 
 

@@ -57,19 +57,20 @@ def test_the_rule_fits_the_truth_better_than_the_broad_prior() -> None:
     right = np.eye(NAMES + 1)[other.right][:, :-1]
     losses = [
         log_loss(probabilities(other, errors), right).mean()
-        for errors in (
-            fitted(counts).errors, fitted(without_truth(counts)).errors, NameErrors()
-        )
-    ]  # fmt: skip
+        for errors in (fitted(counts).errors, fitted(without_truth(counts)).errors, NameErrors())
+    ]
     assert losses[0] <= losses[1] + 0.005
     assert losses[1] < losses[2]
 
 
 @settings(max_examples=8, deadline=None)
 @given(
-    st.floats(0.5, 0.97), st.floats(0.02, 0.45), st.floats(0.02, 0.7), st.floats(0.01, 0.5),
+    st.floats(0.5, 0.97),
+    st.floats(0.02, 0.45),
+    st.floats(0.02, 0.7),
+    st.floats(0.01, 0.5),
     st.integers(0, 999),
-)  # fmt: skip
+)
 def test_no_step_lowers_the_likelihood(hit, mistaken, correlate, none, seed) -> None:
     counts = without_truth(sample((hit, mistaken, correlate, none), 40, seed))
     steps = np.array(fitted(counts).steps)
@@ -114,7 +115,10 @@ def test_things_that_say_nothing_leave_the_prior() -> None:
 
 def test_names_given_now_and_then_make_no_instance() -> None:
     counts = NameCounts(
-        np.array([[3.0, 0.2]]), np.ones((1, 2), bool), np.array([4.0]), np.array([0]),
+        np.array([[3.0, 0.2]]),
+        np.ones((1, 2), bool),
+        np.array([4.0]),
         np.array([0]),
-    )  # fmt: skip
+        np.array([0]),
+    )
     assert instances(counts).tolist() == [[True, False]]

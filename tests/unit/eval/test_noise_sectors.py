@@ -69,12 +69,14 @@ def test_the_severity_study_multiplies_the_scales_of_any_table_and_nothing_else(
         update={
             "scale": scale.model_copy(
                 update={
-                    "confuse": 2 * scale.confuse, "second": 2 * scale.second,
-                    "false": 0.5 * scale.false, "miss": pytest.approx(3 * scale.miss),
+                    "confuse": 2 * scale.confuse,
+                    "second": 2 * scale.second,
+                    "false": 0.5 * scale.false,
+                    "miss": pytest.approx(3 * scale.miss),
                 }
             )
         }
-    )  # fmt: skip
+    )
 
 
 def test_the_severity_study_refuses_a_table_without_scales():

@@ -120,10 +120,17 @@ def test_the_command_writes_figures_and_a_plot(tmp_path):
 # --- memory over episodes -------------------------------------------------------------------------
 def grown(seed: int, few: tuple[float, ...], every: tuple[float, ...], steps=(1, 3)):
     return EpisodeGrowth(
-        preset="demo-v1", seed=seed, max_steps=4, stride_px=2, agent="helios-paper", noise=None,
-        commit="abc", steps=steps, gaussians={FEW: (1,) * len(few), ALL: (2,) * len(every)},
+        preset="demo-v1",
+        seed=seed,
+        max_steps=4,
+        stride_px=2,
+        agent="helios-paper",
+        noise=None,
+        commit="abc",
+        steps=steps,
+        gaussians={FEW: (1,) * len(few), ALL: (2,) * len(every)},
         mb={FEW: few, ALL: every},
-    )  # fmt: skip
+    )
 
 
 REQUEST = Request("demo-v1", 500, 8, 4, 2)

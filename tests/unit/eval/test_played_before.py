@@ -44,9 +44,15 @@ def write_ledger(path: Path, *entries: Entry) -> None:
 def description(out: str, since: str | None = AUTUMN, **changes: Any) -> dict[str, Any]:
     """A `run.json`; without `since`, as it was written before it named its folders."""
     order = {
-        "benchmark": "ovmm", "agents": ["helios-paper", "trusting"], "semantics": "noisy",
-        "preset": "ovmm-v1", "noise": None, "settings": {}, "seed0": 1200, "episodes": 10,
-    }  # fmt: skip
+        "benchmark": "ovmm",
+        "agents": ["helios-paper", "trusting"],
+        "semantics": "noisy",
+        "preset": "ovmm-v1",
+        "noise": None,
+        "settings": {},
+        "seed0": 1200,
+        "episodes": 10,
+    }
     folders = {"folders": [{"out": out, "since": since}]} if since else {}
     return {"out": out, "asked": [order], "commands": [["helios"]], **folders, **changes}
 
@@ -77,9 +83,13 @@ def test_a_first_run_was_never_played_before_by_the_ledger(own_ledger: Path) -> 
 
 def test_the_fact_names_the_number_the_first_day_and_the_folders(own_ledger: Path) -> None:
     write_ledger(
-        own_ledger, line("runs/x", AUTUMN), line("runs/a", SUMMER), line("runs/a", SUMMER),
-        line("runs/b", AUTUMN), line("runs/c", SUMMER, preset="demo-v1"),
-    )  # fmt: skip
+        own_ledger,
+        line("runs/x", AUTUMN),
+        line("runs/a", SUMMER),
+        line("runs/a", SUMMER),
+        line("runs/b", AUTUMN),
+        line("runs/c", SUMMER, preset="demo-v1"),
+    )
     told = fact(description("runs/b"))
     assert told == "by 2 runs, first 2026-07-01, folders runs/a, runs/x"
     notice = played_before.notice(RECORDS, description("runs/b"))

@@ -178,9 +178,13 @@ class FakePool:
                 yield spec, Skipped("no object of the allowed classes")
             else:
                 made = record(
-                    spec.seed, semantics="detector", preset=spec.preset, noise=None,
-                    settings=spec.settings, preset_hash=runs.home_presets.digest_of(spec.preset),
-                )  # fmt: skip
+                    spec.seed,
+                    semantics="detector",
+                    preset=spec.preset,
+                    noise=None,
+                    settings=spec.settings,
+                    preset_hash=runs.home_presets.digest_of(spec.preset),
+                )
                 yield spec, PlayedEpisode(made)
 
 
@@ -236,9 +240,10 @@ def test_tasks_ask_for_allowed_classes_only() -> None:
     home = home_of("demo-v1", 0)
     hosts = {r.name: r.class_name for r in home.receptacles}
     thing = next(
-        o for o in home.objects
+        o
+        for o in home.objects
         if not o.shape.rolls and hosts[o.receptacle] not in ("chair", "lamp")
-    )  # fmt: skip
+    )
     receptacles = tuple(sorted({*hosts.values()}))
     classes = TaskClasses(
         "mine@0", {thing.class_name: "thing"}, {name: f"my {name}" for name in receptacles}

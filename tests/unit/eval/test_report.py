@@ -65,8 +65,12 @@ def both_reports(folder):
     episodes = [episode(s, a) for a in CHANCES for s in range(5)]
     episodes += [episode(s, "helios-paper", semantics="ground-truth", noise=None) for s in range(5)]
     write(folder, episodes)
-    run = {"command": ["helios", "eval", "ovmm", "--out", "a b"], "machine": "a desk",
-           "started": "2026-01-02T03:04:05+00:00", "wall_s": 3725.0}  # fmt: skip
+    run = {
+        "command": ["helios", "eval", "ovmm", "--out", "a b"],
+        "machine": "a desk",
+        "started": "2026-01-02T03:04:05+00:00",
+        "wall_s": 3725.0,
+    }
     (folder / "run.json").write_text(json.dumps(run))
     write_report(folder)
     return (folder / "report.html").read_text(), (folder / "report.md").read_text()
@@ -85,8 +89,15 @@ def test_both_reports_contain_every_section_and_every_agent(report):
 
 def test_the_report_describes_the_run(report):
     shown = report.replace("&#39;", "'").replace("<span>", "").replace("</span>", "")
-    for words in ("helios eval ovmm --out 'a b'", "a desk", "1 h 02 min", "0000000-dirty",
-                  "not committed", "0–4", "noise level"):  # fmt: skip
+    for words in (
+        "helios eval ovmm --out 'a b'",
+        "a desk",
+        "1 h 02 min",
+        "0000000-dirty",
+        "not committed",
+        "0–4",
+        "noise level",
+    ):
         assert words in shown
 
 
@@ -266,9 +277,16 @@ def test_few_homes_give_figures_but_no_verdict(tmp_path, homes):
 def test_the_report_of_an_incomplete_run_states_the_missing_episodes(tmp_path):
     there = [episode(s, a) for s in (0, 1) for a in ("helios-paper", "trusting")]
     write(tmp_path, there[:3], pictures=False)
-    run = {"benchmark": "ovmm", "agents": ["helios-paper", "trusting"], "semantics": "noisy",
-           "preset": "synthetic", "noise": NOISE.model_dump(), "settings": {}, "seed0": 0,
-           "episodes": 2}  # fmt: skip
+    run = {
+        "benchmark": "ovmm",
+        "agents": ["helios-paper", "trusting"],
+        "semantics": "noisy",
+        "preset": "synthetic",
+        "noise": NOISE.model_dump(),
+        "settings": {},
+        "seed0": 0,
+        "episodes": 2,
+    }
     (tmp_path / "run.json").write_text(json.dumps(run))
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()
@@ -294,8 +312,9 @@ def test_the_report_states_episodes_per_hour_and_core(tmp_path):
 
 def test_equally_frequent_causes_are_not_ranked(tmp_path):
     causes = ("stuck", "pick failed")
-    write(tmp_path, [episode(s, cause=c, success=False) for s, c in enumerate(causes)],
-          pictures=False)  # fmt: skip
+    write(
+        tmp_path, [episode(s, cause=c, success=False) for s, c in enumerate(causes)], pictures=False
+    )
     write_report(tmp_path)
     assert "most frequent cause" not in (tmp_path / "report.md").read_text()
 
@@ -313,9 +332,14 @@ def test_an_episode_that_never_began_is_reported(tmp_path):
 
 def test_object_navigation_has_its_own_metrics(tmp_path):
     agents = ("vlfm", "vlfm-unfiltered", "vlfm-helios-stop")
-    write(tmp_path, [
-        episode(s, a, benchmark="objectnav", shortest_path_m=2.0) for s in range(5) for a in agents
-    ])  # fmt: skip
+    write(
+        tmp_path,
+        [
+            episode(s, a, benchmark="objectnav", shortest_path_m=2.0)
+            for s in range(5)
+            for a in agents
+        ],
+    )
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()
     assert "Table 2" in markdown
@@ -325,9 +349,11 @@ def test_object_navigation_has_its_own_metrics(tmp_path):
 
 def test_rows_without_a_colour_still_appear_in_the_tables(tmp_path):
     sweep = [{"planner.tau_g": round(0.1 * i, 1)} for i in range(10)]
-    write(tmp_path, [
-        episode(s, settings=e, beliefs=()) for s in range(2) for e in sweep
-    ], pictures=False)  # fmt: skip
+    write(
+        tmp_path,
+        [episode(s, settings=e, beliefs=()) for s in range(2) for e in sweep],
+        pictures=False,
+    )
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()
     assert "8 of 10 rows" in markdown

@@ -13,8 +13,10 @@ def labels(*settings: dict) -> set[str]:
 def test_a_label_names_two_settings_and_counts_the_others() -> None:
     many = {f"planner.{name}": 1 for name in "abcd"}
     assert labels({}, {"planner.a": 1}, many) == {
-        "helios-paper", "helios-paper · a=1", "helios-paper · a=1 · b=1 · 2 more settings"
-    }  # fmt: skip
+        "helios-paper",
+        "helios-paper · a=1",
+        "helios-paper · a=1 · b=1 · 2 more settings",
+    }
 
 
 def test_a_label_names_a_third_setting_instead_of_counting_it() -> None:

@@ -24,9 +24,15 @@ def wins(agent: str, of: int, homes: int = HOMES, **more: object) -> list[Episod
 
 def order(agents: Sequence[str], episodes: int, **more: object) -> dict[str, object]:
     return {
-        "benchmark": "ovmm", "agents": agents, "semantics": "noisy", "preset": "synthetic",
-        "noise": NOISE.model_dump(), "settings": {}, "seed0": 0, "episodes": episodes,
-    } | more  # fmt: skip
+        "benchmark": "ovmm",
+        "agents": agents,
+        "semantics": "noisy",
+        "preset": "synthetic",
+        "noise": NOISE.model_dump(),
+        "settings": {},
+        "seed0": 0,
+        "episodes": episodes,
+    } | more
 
 
 def answered(
@@ -84,8 +90,9 @@ def test_a_complete_short_run_compared_with_a_long_one_is_not_preliminary() -> N
     idea = {"planner.new": True}
     tables, _ = answered(
         [*wins("helios-paper", 20, 40), *wins("helios-paper", 29, settings=idea)],
-        order(["helios-paper"], 200), order(["helios-paper"], HOMES, settings=idea),
-    )  # fmt: skip
+        order(["helios-paper"], 200),
+        order(["helios-paper"], HOMES, settings=idea),
+    )
     (found,) = tables[IDEAS].rows
     assert cell_texts(found)[0] == "helios-paper · new=True"
     assert (cell_texts(found)[-2], found.cells[-2].note) == (str(HOMES), "")
@@ -105,20 +112,29 @@ def test_a_run_with_other_settings_does_not_answer_for_helios() -> None:
 
 def test_the_ideas_table_lists_only_variants_that_the_paper_does_not_have() -> None:
     swept, new = {"planner.tau_g": 0.3}, {"planner.tau_g": 0.4}
-    tables, _ = answered([
-        *wins("helios-paper", 20), *wins("trusting", 8), *wins("helios", 22),
-        *wins("helios-paper", 20, settings=swept), *wins("helios-paper", 20, settings=new),
-        *wins("helios-paper", 20, settings={"max_steps": 100}),
-    ])  # fmt: skip
+    tables, _ = answered(
+        [
+            *wins("helios-paper", 20),
+            *wins("trusting", 8),
+            *wins("helios", 22),
+            *wins("helios-paper", 20, settings=swept),
+            *wins("helios-paper", 20, settings=new),
+            *wins("helios-paper", 20, settings={"max_steps": 100}),
+        ]
+    )
     assert [cell_texts(r)[0] for r in tables[IDEAS].rows] == ["helios", "helios-paper · tau_g=0.4"]
 
 
 def test_the_primary_claim_is_also_tested_under_every_other_noise() -> None:
     louder = NOISE.model_copy(update={"level": 2.0})
-    tables, _ = answered([
-        *wins("helios-paper", 20), *wins("trusting", 8),
-        *wins("helios-paper", 12, noise=louder), *wins("trusting", 4, noise=louder),
-    ])  # fmt: skip
+    tables, _ = answered(
+        [
+            *wins("helios-paper", 20),
+            *wins("trusting", 8),
+            *wins("helios-paper", 12, noise=louder),
+            *wins("trusting", 4, noise=louder),
+        ]
+    )
     assert cell_texts(row(tables["Paired differences"], "The same at noise ×2", "SR"))[3] == "+26.7"
 
 

@@ -88,8 +88,13 @@ def test_sweeps_appear_only_when_they_were_run():
 
 def test_an_arm_with_another_noise_does_not_enter_a_table():
     louder = NOISE.model_copy(update={"level": 2.0})
-    arms = arms_of([episode(0, "helios-paper"), episode(1, "helios-paper"),
-                    episode(0, "trusting", noise=louder)])  # fmt: skip
+    arms = arms_of(
+        [
+            episode(0, "helios-paper"),
+            episode(1, "helios-paper"),
+            episode(0, "trusting", noise=louder),
+        ]
+    )
     assert plain_arm(arms, "ovmm", "helios-paper", "noisy") is not None
     assert plain_arm(arms, "ovmm", "trusting", "noisy") is None
 
@@ -98,9 +103,14 @@ def test_labels_name_only_the_differences():
     louder = NOISE.model_copy(update={"level": 2.0})
     one = arms_of([episode(0, "helios-paper"), episode(0, "trusting")])
     assert [a.label for a in one] == ["helios-paper", "trusting"]
-    many = arms_of([episode(0, "helios-paper"), episode(0, "helios-paper", noise=louder),
-                    episode(0, "helios-paper", settings={"a": 1}),
-                    episode(0, "helios-paper", semantics="ground-truth")])  # fmt: skip
+    many = arms_of(
+        [
+            episode(0, "helios-paper"),
+            episode(0, "helios-paper", noise=louder),
+            episode(0, "helios-paper", settings={"a": 1}),
+            episode(0, "helios-paper", semantics="ground-truth"),
+        ]
+    )
     assert {a.label for a in many} == {
         "helios-paper",
         "helios-paper · noise ×2",
@@ -171,10 +181,15 @@ def test_every_failure_cause_has_its_own_colour():
 
 @pytest.mark.parametrize(
     ("low", "high", "words"),
-    [(2.0, 3.0, "larger here"), (0.5, 0.9, "smaller here"), (0.5, 2.0, "lies in our interval"),
-     (1.0, math.inf, "lies in our interval"), (2.0, math.inf, "larger here"),
-     (math.nan, math.nan, "")],
-)  # fmt: skip
+    [
+        (2.0, 3.0, "larger here"),
+        (0.5, 0.9, "smaller here"),
+        (0.5, 2.0, "lies in our interval"),
+        (1.0, math.inf, "lies in our interval"),
+        (2.0, math.inf, "larger here"),
+        (math.nan, math.nan, ""),
+    ],
+)
 def test_the_verdict_on_a_published_ratio_follows_the_interval(low, high, words):
     verdict = verdict_of(Interval(1.0, low, high), published=1.0)
     assert words in verdict
@@ -197,8 +212,13 @@ def test_few_homes_never_give_a_verdict(homes, won):
 
 
 def test_homes_without_any_difference_give_no_verdict():
-    arms = arms_of([episode(s, a, find_object=True, pick=True, success=True)
-                    for s in range(20) for a in ("helios-paper", "trusting")])  # fmt: skip
+    arms = arms_of(
+        [
+            episode(s, a, find_object=True, pick=True, success=True)
+            for s in range(20)
+            for a in ("helios-paper", "trusting")
+        ]
+    )
     table = relations(arms)
     assert table is not None
     assert {row.cells[-1].text for row in table.rows} == {"no home differs"}

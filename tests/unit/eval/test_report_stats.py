@@ -84,10 +84,17 @@ def test_the_sign_test_matches_the_published_exact_mcnemar_p():
 # --- where nothing can be told ----------------------------------------------------------------
 @pytest.mark.parametrize(
     ("homes", "differ", "why"),
-    [(1, 0, "too few homes to tell"), (1, 1, "too few homes to tell"),
-     (5, 5, "too few homes to tell"), (6, 5, "too few homes differ to tell"), (6, 6, ""),
-     (500, 0, "no home differs"), (500, 5, "too few homes differ to tell"), (500, 6, "")],
-)  # fmt: skip
+    [
+        (1, 0, "too few homes to tell"),
+        (1, 1, "too few homes to tell"),
+        (5, 5, "too few homes to tell"),
+        (6, 5, "too few homes differ to tell"),
+        (6, 6, ""),
+        (500, 0, "no home differs"),
+        (500, 5, "too few homes differ to tell"),
+        (500, 6, ""),
+    ],
+)
 def test_an_interval_needs_six_differing_homes(homes, differ, why):
     first = np.ones(homes)
     second = first - (np.arange(homes) < differ)
@@ -165,10 +172,16 @@ def test_a_bound_that_divides_by_zero_is_infinite():
     assert math.isnan(paired_ratio(np.zeros(10), np.zeros(10)).value)
 
 
-@pytest.mark.parametrize("wrong", [lambda: wilson(3, 2), lambda: wilson(0, 0),
-                                   lambda: mean_sem(np.array([])),
-                                   lambda: sign_test(np.ones(3), np.ones(4)),
-                                   lambda: paired_ratio(np.ones(0), np.ones(0))])  # fmt: skip
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: wilson(3, 2),
+        lambda: wilson(0, 0),
+        lambda: mean_sem(np.array([])),
+        lambda: sign_test(np.ones(3), np.ones(4)),
+        lambda: paired_ratio(np.ones(0), np.ones(0)),
+    ],
+)
 def test_invalid_samples_are_refused(wrong):
     with pytest.raises(InvalidInput, match="want"):
         wrong()

@@ -20,10 +20,12 @@ def run(seed: int, faults: str, **wrong: float) -> Run:
 
 def test_the_table_counts_alarms_finds_and_sizes(tmp_path: Path) -> None:
     runs = [
-        run(0, HEALTHY), run(1, HEALTHY, roll=0.7),
-        run(0, "pitch_deg=1", pitch=1.1), run(1, "pitch_deg=-1", pitch=-1.5),
+        run(0, HEALTHY),
+        run(1, HEALTHY, roll=0.7),
+        run(0, "pitch_deg=1", pitch=1.1),
+        run(1, "pitch_deg=-1", pitch=-1.5),
         run(0, "delay_ms=40"),
-    ]  # fmt: skip
+    ]
     lines = table(runs).splitlines()
     assert "| none | 2 | 1 | 0 of 2 |  |" in lines
     assert "| pitch_deg 1 | none | 2 | 2 | 2 | 30.0 % | 1 | 0 |" in lines

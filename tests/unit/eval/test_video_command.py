@@ -84,9 +84,11 @@ def test_the_same_flags_film_and_play_the_same_episode(tmp_path, monkeypatch):
     played, filmed = specs
     assert filmed == played
     assert filmed.settings == {
-        "planner.tau_g": 0.3, "sensor": "realistic", "detector.scorer": "simulated:itc-v1",
+        "planner.tau_g": 0.3,
+        "sensor": "realistic",
+        "detector.scorer": "simulated:itc-v1",
         "pick_rule": "ovmm",
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize(

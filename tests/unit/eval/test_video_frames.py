@@ -46,15 +46,28 @@ def hostile_scene() -> Scene:
     decision.candidates[59].chosen = True
     decision.candidates[59].position_m.CopyFrom(pb.Vector3(x=math.nan, y=math.inf))
     task = pb.Task(
-        instruction=HOSTILE, message=HOSTILE, seeking=HOSTILE, state="failed", cause=HOSTILE,
-        phase=HOSTILE, kind="move", max_steps=2**32 - 1,
-    )  # fmt: skip
+        instruction=HOSTILE,
+        message=HOSTILE,
+        seeking=HOSTILE,
+        state="failed",
+        cause=HOSTILE,
+        phase=HOSTILE,
+        kind="move",
+        max_steps=2**32 - 1,
+    )
     return constructed_scene(
-        task=task, title=HOSTILE, held=HOSTILE, verdict=HOSTILE, roles={HOSTILE: "object"},
-        decisions=(decision, decision), step=10**12, story=((10**12, HOSTILE),) * 9,
+        task=task,
+        title=HOSTILE,
+        held=HOSTILE,
+        verdict=HOSTILE,
+        roles={HOSTILE: "object"},
+        decisions=(decision, decision),
+        step=10**12,
+        story=((10**12, HOSTILE),) * 9,
         objects=tuple(thing(HOSTILE, k % 5, k // 5, 0.3, 0.5 + k / 100) for k in range(30)),
-        robot=(math.nan, math.inf, 0.0), path_m=np.array([[math.nan, 1e300], [math.inf, 0.0]]),
-    )  # fmt: skip
+        robot=(math.nan, math.inf, 0.0),
+        path_m=np.array([[math.nan, 1e300], [math.inf, 0.0]]),
+    )
 
 
 SCENES = {"empty": Scene, "usual": constructed_scene, "hostile": hostile_scene}
@@ -67,9 +80,11 @@ def test_every_scene_gives_a_frame_and_no_drawing_leaves_its_panel(name):
     assert picture.dtype == np.uint8
     body = picture[HEAD + 2 :]
     for left, right in (
-        (0, CAMERA_X), (CAMERA_X + CAMERA_W + 1, MAP_X),
-        (MAP_X + MAP_W + 1, WHY_X), (WHY_X + WHY_W + 1, WIDTH),
-    ):  # fmt: skip
+        (0, CAMERA_X),
+        (CAMERA_X + CAMERA_W + 1, MAP_X),
+        (MAP_X + MAP_W + 1, WHY_X),
+        (WHY_X + WHY_W + 1, WIDTH),
+    ):
         assert (body[:, left:right] == PAPER).all(), f"something is drawn between {left}-{right}"
     assert (picture[BOTTOM + 1 :] == PAPER).all()
 
@@ -78,8 +93,7 @@ def test_every_scene_gives_a_frame_and_no_drawing_leaves_its_panel(name):
 def test_camera_images_of_any_shape_fit(shape):
     scene = constructed_scene(color=np.full((*shape, 3), 90, np.uint8), detections=())
     picture = frame_picture(scene)
-    assert (picture[HEAD + 2 :, CAMERA_X + CAMERA_W + 1 : MAP_X]
-            == PAPER).all()  # fmt: skip
+    assert (picture[HEAD + 2 :, CAMERA_X + CAMERA_W + 1 : MAP_X] == PAPER).all()
 
 
 def test_the_outcome_has_its_colour():
@@ -125,8 +139,13 @@ def test_an_empty_map_is_drawn():
     unknown = np.full(view.shape, -1, np.int8)
     blank = replace(view, occupancy=unknown, explored=np.zeros(view.shape, bool), frontiers=())
     assert map_picture(constructed_scene(map=blank), 200, 100).shape == (100, 200, 3)
-    none = replace(blank, occupancy=unknown[:0, :0], explored=np.zeros((0, 0), bool),
-                   top_m=np.zeros((0, 0), np.float32), values={})  # fmt: skip
+    none = replace(
+        blank,
+        occupancy=unknown[:0, :0],
+        explored=np.zeros((0, 0), bool),
+        top_m=np.zeros((0, 0), np.float32),
+        values={},
+    )
     assert map_picture(constructed_scene(map=none), 200, 100).shape == (100, 200, 3)
 
 
@@ -155,20 +174,27 @@ def test_the_watcher_reports_one_scene_per_keyframe():
     hub = MemoryHub()
     services, bus = MemoryBus(hub), MemoryBus(hub)
     seen: list[Scene] = []
-    services.serve(OBJECTS, lambda _: pb.ObjectsReply(
-        objects=[object_to_proto(thing("mug", 1.0, 2.0, 0.1, 0.4))]))  # fmt: skip
+    services.serve(
+        OBJECTS,
+        lambda _: pb.ObjectsReply(objects=[object_to_proto(thing("mug", 1.0, 2.0, 0.1, 0.4))]),
+    )
     services.serve(SNAPSHOT, lambda _: pb.MapSnapshot())
     watcher = Watcher(bus, "helios-paper · home 1", seen.append)
-    services.publish(CONTEXT, pb.SearchContext(id="c", classes=[
-        pb.SearchClass(name="mug", role="object", threshold=0.3)]))  # fmt: skip
+    services.publish(
+        CONTEXT,
+        pb.SearchContext(
+            id="c", classes=[pb.SearchClass(name="mug", role="object", threshold=0.3)]
+        ),
+    )
     for message in ("looking around", "looking around", "going to pick the mug"):
         services.publish(TASK, pb.Task(id="t", message=message, steps=3))
     services.publish(DECISION, pb.Decision(rule="global search"))
     services.publish(PLAN, pb.Plan(path_m=[0.0, 0.0, 1.0, 2.0]))
     state = RobotState(se2_to_se3(1.0, 2.0, 0.5), held="mug", last_seq=1)
     for seq in (1, 1, 2):
-        services.publish(ROBOT_STATE, state_to_proto(
-            RobotState(state.T_world_base, held="mug", last_seq=seq)))  # fmt: skip
+        services.publish(
+            ROBOT_STATE, state_to_proto(RobotState(state.T_world_base, held="mug", last_seq=seq))
+        )
     assert len(seen) == 2
     scene = seen[-1]
     assert scene.robot == pytest.approx((1.0, 2.0, 0.5))

@@ -115,9 +115,14 @@ class MadeUpRobot:
             return self.tasks[request.id]
         if self.refuses:
             raise InvalidInput(self.refuses)
-        task = pb.Task(id=request.id, instruction=request.instruction, state="queued",
-                       kind="find", object=request.instruction.split()[-1],
-                       on_hold=request.on_hold)  # fmt: skip
+        task = pb.Task(
+            id=request.id,
+            instruction=request.instruction,
+            state="queued",
+            kind="find",
+            object=request.instruction.split()[-1],
+            on_hold=request.on_hold,
+        )
         if keeps:
             self.tasks[request.id] = task
         return task

@@ -39,12 +39,16 @@ def frame(seq: int, keyframe: bool = True, pixels: tuple[int, int] = (48, 64)) -
     height, width = pixels
     return frame_to_proto(
         Frame(
-            FrameId("boot", 0, seq), 1_000 + seq, keyframe,
+            FrameId("boot", 0, seq),
+            1_000 + seq,
+            keyframe,
             rng.integers(0, 255, (height, width, 3), np.uint8),
             rng.uniform(0.5, 4.0, pixels).astype(np.float32),
-            Pinhole(50.0, 50.0, width / 2, height / 2, width, height), np.eye(4), np.eye(4),
+            Pinhole(50.0, 50.0, width / 2, height / 2, width, height),
+            np.eye(4),
+            np.eye(4),
         )
-    )  # fmt: skip
+    )
 
 
 def task(message: str) -> pb.Task:

@@ -129,10 +129,12 @@ def test_the_order_of_states_and_times_holds_for_any_sequence(
 
 def status(**restarts: int) -> pb.SupervisorStatus:
     """Process table of one supervisor, with the number of restarts of each process."""
-    return pb.SupervisorStatus(processes=[
-        pb.ProcessStatus(name=name, restarts=count, reason="ended by SIGKILL")
-        for name, count in restarts.items()
-    ])  # fmt: skip
+    return pb.SupervisorStatus(
+        processes=[
+            pb.ProcessStatus(name=name, restarts=count, reason="ended by SIGKILL")
+            for name, count in restarts.items()
+        ]
+    )
 
 
 def found_in(statuses: Iterable[pb.SupervisorStatus]) -> list[list[str]]:
@@ -160,8 +162,11 @@ def test_two_supervisors_of_one_robot_find_each_restart_once() -> None:
     assert found_in(before) == [[], [], [], []]
     restarted = [status(bridge=2), on_server, status(bridge=2), status(map2d=4, planner=0)]
     assert found_in([*before, *restarted])[4:] == [
-        ["bridge-restarted"], [], [], ["map2d-restarted"],
-    ]  # fmt: skip
+        ["bridge-restarted"],
+        [],
+        [],
+        ["map2d-restarted"],
+    ]
 
 
 def test_a_supervisor_that_begins_anew_is_counted_from_its_own_table() -> None:

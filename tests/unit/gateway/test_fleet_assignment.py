@@ -109,11 +109,12 @@ def test_the_reason_tells_thing_distance_and_rivals() -> None:
     mug = WaitingTask("t", 0, 0.0, "mug")
     assert assignments([mug], [far, near, blank]) == [
         Assignment(
-            "t", "robot-2",
+            "t",
+            "robot-2",
             "robot-2's map had the mug 1.8 m away (score 0.71): the nearest of 2 idle robots with "
             "one in its map",
         )
-    ]  # fmt: skip
+    ]
     assert assignments([mug], [blank])[0].why == (
         "robot-3 was idle; no idle robot's map had the mug"
     )

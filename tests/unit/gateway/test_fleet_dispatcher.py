@@ -112,9 +112,9 @@ def test_a_begun_task_stays_with_a_robot_that_is_away_and_says_so() -> None:
         "robot-1 is away; the task stays with it, as it may have begun"
     )
     fleet.dispatcher.cancel(id)
-    assert "cancelled when the robot is back" in fleet.dispatcher.message(task.with_(
-        cancelling=True
-    ))  # fmt: skip
+    assert "cancelled when the robot is back" in fleet.dispatcher.message(
+        task.with_(cancelling=True)
+    )
     robot.here = robot.bridge = True
     fleet.cycle(2)
     assert state(fleet, id) == ("cancelled", "robot-1")
@@ -321,8 +321,9 @@ EVENTS = st.tuples(
 )
 
 
-@settings(max_examples=150, deadline=None,
-          suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
+@settings(
+    max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(events=st.lists(EVENTS, min_size=10, max_size=30), cancelled=st.sets(st.integers(0, 2)))
 def test_no_task_is_ever_begun_twice_and_each_one_ends(
     events: list[tuple[str, str, bool, bool]], cancelled: set[int]

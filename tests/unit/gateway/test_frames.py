@@ -84,9 +84,13 @@ def test_the_call_timeout_covers_the_turn_and_the_wait_for_the_maps(
     waited: list[float] = []
     call = MemoryBus.call
     monkeypatch.setattr(
-        MemoryBus, "call", lambda self, method, request, timeout_s:
-        (waited.append(timeout_s), call(self, method, request, timeout_s))[1],
-    )  # fmt: skip
+        MemoryBus,
+        "call",
+        lambda self, method, request, timeout_s: (
+            waited.append(timeout_s),
+            call(self, method, request, timeout_s),
+        )[1],
+    )
     post(client, META | {"wait_s": 40})
     assert waited == [pytest.approx(40 + LONGEST_TURN_S, abs=10)]
     assert waited[0] > 40 + LONGEST_TURN_S
@@ -136,11 +140,16 @@ def test_the_answer_lists_which_map_accepted_the_frame(client: TestClient, bridg
         "id": "boot/0/7",
         "integrated": True,
         "maps": [
-            {"map": "map2d/occupancy", "accepted": True, "reason": "", "version": 3,
-             "update_ms": 0.0},
+            {
+                "map": "map2d/occupancy",
+                "accepted": True,
+                "reason": "",
+                "version": 3,
+                "update_ms": 0.0,
+            },
         ],
         "unanswered": [],
-    }  # fmt: skip
+    }
 
 
 def test_a_refused_or_unanswered_frame_is_not_integrated(

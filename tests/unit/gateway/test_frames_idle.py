@@ -110,9 +110,11 @@ def test_stalled_request_bodies_free_their_slots(
 
     def taken() -> bool:
         answer = httpx.post(
-            f"{gateway.url}/v1/frames", data={"meta": json.dumps(META)},
-            files={"color": COLOR, "depth": DEPTH}, timeout=10,
-        )  # fmt: skip
+            f"{gateway.url}/v1/frames",
+            data={"meta": json.dumps(META)},
+            files={"color": COLOR, "depth": DEPTH},
+            timeout=10,
+        )
         return answer.status_code == 200
 
     wait_until(taken, 20, "a place is free")

@@ -192,9 +192,13 @@ def test_no_key_is_accepted_while_the_key_file_is_empty_or_missing(
 
 @pytest.mark.parametrize("step", ["read_text", "stat"])
 def test_a_removed_key_is_refused_as_soon_as_the_file_can_be_read_again(
-    gateway: GatewayApp, keys: dict[str, str], file: Path, step: str,
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture,
-) -> None:  # fmt: skip
+    gateway: GatewayApp,
+    keys: dict[str, str],
+    file: Path,
+    step: str,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     def answer() -> int:
         return gateway.client(keys["read"]).get("/v1/tasks").status_code
 

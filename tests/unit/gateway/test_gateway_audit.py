@@ -64,9 +64,13 @@ def test_a_change_is_recorded_with_who_what_when_and_the_answer(recorded: Record
     assert json.loads(entry.pop("request")) == TASK
     assert made.json()["id"] in entry.pop("answer")
     assert entry == {
-        "who": "task", "scope": "task", "host": "testclient", "method": "POST",
-        "path": "/v1/tasks?x=1", "status": 202,
-    }  # fmt: skip
+        "who": "task",
+        "scope": "task",
+        "host": "testclient",
+        "method": "POST",
+        "path": "/v1/tasks?x=1",
+        "status": 202,
+    }
 
 
 def test_refusals_and_stops_are_recorded_and_reading_is_not(recorded: Recorded) -> None:
@@ -78,9 +82,12 @@ def test_refusals_and_stops_are_recorded_and_reading_is_not(recorded: Recorded) 
     recorded.client("admin").post("/v1/tasks", headers={"origin": "http://evil"}, json=TASK)
     entries = recorded.lines()
     assert [(e["who"], e["path"], e["status"]) for e in entries] == [
-        ("read", "/v1/tasks", 403), (None, "/v1/tasks", 401), ("read", "/v1/robot/stop", 200),
-        ("task", "/v1/robot/clear-stop", 403), ("admin", "/v1/tasks", 403),
-    ]  # fmt: skip
+        ("read", "/v1/tasks", 403),
+        (None, "/v1/tasks", 401),
+        ("read", "/v1/robot/stop", 200),
+        ("task", "/v1/robot/clear-stop", 403),
+        ("admin", "/v1/tasks", 403),
+    ]
     assert "a cat" in entries[2]["request"]
     assert "scope robot" in entries[3]["answer"]
 
@@ -109,9 +116,10 @@ def test_a_socket_is_recorded_when_it_opens_ends_and_is_refused(recorded: Record
     ):
         pass
     assert [(e["who"], e["method"], e["status"], e["answer"]) for e in recorded.lines()] == [
-        ("robot", "WEBSOCKET", 101, "opened"), ("robot", "WEBSOCKET", 0, "ended, 2 messages"),
+        ("robot", "WEBSOCKET", 101, "opened"),
+        ("robot", "WEBSOCKET", 0, "ended, 2 messages"),
         ("task", "WEBSOCKET", 403, "refused"),
-    ]  # fmt: skip
+    ]
 
 
 def test_only_the_owner_can_read_the_record_and_its_old_files(

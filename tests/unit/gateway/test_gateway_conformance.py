@@ -51,17 +51,24 @@ def not_a_fault(
 
 
 CHECKS = [
-    not_a_fault, status_code_conformance, content_type_conformance,
-    response_headers_conformance, response_schema_conformance, unsupported_method,
-]  # fmt: skip
+    not_a_fault,
+    status_code_conformance,
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+    unsupported_method,
+]
 # A stream without an end; test_gateway_interface.py tests it.
 ENDLESS = "^/v1/events$"
 SPAN = pb.Span(span_id="b7ad6b7169203331", name="task", start_ns=10**18, end_ns=2 * 10**18)
 RECORDING = "20260101T000000Z-robot-stopped.mcap"
 NAMES = {  # that exist
-    "id": "t1", "layer": "pick", "name": "planner", "fault": "robot-stopped",
+    "id": "t1",
+    "layer": "pick",
+    "name": "planner",
+    "fault": "robot-stopped",
     "recording": RECORDING,
-}  # fmt: skip
+}
 
 
 class Rig:
@@ -144,6 +151,9 @@ def test_every_operation_was_also_answered_successfully() -> None:
     # Random input is never a valid key, instruction or image, and the queued task blocks
     # loading and resetting maps.
     assert {name for name, count in answered.items() if not count} <= {
-        "POST /v1/session", "POST /v1/tasks", "POST /v1/frames", "PUT /v1/map.zip",
+        "POST /v1/session",
+        "POST /v1/tasks",
+        "POST /v1/frames",
+        "PUT /v1/map.zip",
         "POST /v1/map/reset",
-    }  # fmt: skip
+    }

@@ -79,8 +79,10 @@ def test_a_stopped_robot_is_a_fault_until_it_is_cleared(
     live.tick()
     (fault,) = client.get("/v1/faults").json()["faults"]
     assert (fault["id"], fault["state"], fault["message"]) == (
-        "robot-stopped", "confirmed", "a cat",
-    )  # fmt: skip
+        "robot-stopped",
+        "confirmed",
+        "a cat",
+    )
     assert (fault["count"], fault["cleared_s"], fault["recordings"]) == (1, None, [])
     refused = client.post("/v1/faults/robot-stopped/clear")
     assert (refused.status_code, "still present" in refused.json()["detail"]) == (409, True)
@@ -136,9 +138,10 @@ def test_a_task_that_was_not_traced_has_no_trace_and_says_what_to_do(
     assert (answer.status_code, "OTEL_TRACES_SAMPLER" in answer.json()["detail"]) == (404, True)
     backend.tasks[task["id"]].traceparent = f"{trace}-01"
     (planner,) = (
-        s for s in client.get(f"/v1/tasks/{task['id']}/trace").json()["sources"]
+        s
+        for s in client.get(f"/v1/tasks/{task['id']}/trace").json()["sources"]
         if s["service"] == "planner"
-    )  # fmt: skip
+    )
     assert planner["note"] == "it does not answer, or runs without tracing"
 
 

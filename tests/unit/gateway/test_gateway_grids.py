@@ -29,11 +29,16 @@ def test_a_snapshot_is_decoded_exactly(rows: int, columns: int, seed: int, layer
     top = rng.integers(0, 3000, shape).astype("<u2")
     value = rng.random(shape).astype("<f2")
     message = pb.MapSnapshot(
-        version=5, cell_m=0.025, width=columns, height=rows, trajectory_m=[1, 2, 3, 4],
-        occupancy=zlib.compress(occupancy.tobytes()), explored=zlib.compress(explored.tobytes()),
+        version=5,
+        cell_m=0.025,
+        width=columns,
+        height=rows,
+        trajectory_m=[1, 2, 3, 4],
+        occupancy=zlib.compress(occupancy.tobytes()),
+        explored=zlib.compress(explored.tobytes()),
         top_mm=zlib.compress(top.tobytes()),
         values={"pick": zlib.compress(value.tobytes())} if layered else {},
-    )  # fmt: skip
+    )
     view = decode_snapshot(message)
     assert view.shape == shape
     assert np.array_equal(view.occupancy, occupancy)

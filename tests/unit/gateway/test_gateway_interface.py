@@ -34,9 +34,9 @@ def test_robots_have_separate_tasks_and_stops(
     assert client.get("/v1/tasks").json()["tasks"] == []
     client.post("/v1/robots/spot/robot/stop")
     assert (other.stopped, backend.stopped) == (True, False)
-    assert [(r["name"], r["ready"], r["stopped"]) for r in
-            client.get("/v1/robots").json()["robots"]] == [
-        ("robot", True, False), ("spot", False, True)]  # fmt: skip
+    assert [
+        (r["name"], r["ready"], r["stopped"]) for r in client.get("/v1/robots").json()["robots"]
+    ] == [("robot", True, False), ("spot", False, True)]
     assert client.get("/readyz").json()["reasons"][0].startswith("spot: the robot is stopped")
     missing = client.get("/v1/robots/nobody/tasks")
     assert missing.status_code == 404

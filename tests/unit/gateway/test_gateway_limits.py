@@ -19,7 +19,10 @@ def test_a_malformed_host_or_origin_is_refused(client: TestClient, broken: str) 
 def test_only_the_exact_addresses_accept_large_bodies(client: TestClient, backend: Backend) -> None:
     body = bytes(100_000)
     for verb, path in (
-        ("PUT", "/v1/tasks/map.zip"), ("POST", "/v1/tasks/frames"), ("DELETE", "/v1/map.zip"),
-        ("PUT", "/v1/frames"), ("POST", "/v1/tasks/robot/stop"),
-    ):  # fmt: skip
+        ("PUT", "/v1/tasks/map.zip"),
+        ("POST", "/v1/tasks/frames"),
+        ("DELETE", "/v1/map.zip"),
+        ("PUT", "/v1/frames"),
+        ("POST", "/v1/tasks/robot/stop"),
+    ):
         assert client.request(verb, path, content=body).status_code == 413

@@ -71,13 +71,15 @@ def with_damaged_member(method: int) -> bytes:
 
 @pytest.mark.parametrize(
     ("data", "says"),
-    [(rezipped(objects__npz=None), "wanted map2d.map and objects.npz"),
-     (rezipped(map2d__map=None), "wanted map2d.map and objects.npz"),
-     (rezipped(**{"helios-map.json": b'{"format": 2}'}), "reads format 1"),
-     (rezipped(**{"helios-map.json": None}), "helios map save"),
-     (rezipped(map2d__map=bytes(20_000)), "larger than 10000 bytes"),
-     (with_damaged_member(zipfile.ZIP_LZMA), "helios map save")],
-)  # fmt: skip
+    [
+        (rezipped(objects__npz=None), "wanted map2d.map and objects.npz"),
+        (rezipped(map2d__map=None), "wanted map2d.map and objects.npz"),
+        (rezipped(**{"helios-map.json": b'{"format": 2}'}), "reads format 1"),
+        (rezipped(**{"helios-map.json": None}), "helios map save"),
+        (rezipped(map2d__map=bytes(20_000)), "larger than 10000 bytes"),
+        (with_damaged_member(zipfile.ZIP_LZMA), "helios map save"),
+    ],
+)
 def test_an_unusable_map_file_is_refused_with_the_reason(data: bytes, says: str) -> None:
     with pytest.raises(InvalidInput, match=says):
         unpacked(data, 10_000)
@@ -92,9 +94,13 @@ def test_a_saved_map_can_be_loaded_again(client: TestClient, backend: Backend) -
     backend.kept = {"map2d": b"other walls", "objects": b"other things"}
     loaded = client.put("/v1/map.zip", content=saved.content, headers=ZIP)
     assert loaded.json() == {
-        "known_m2": 40.0, "occupied_m2": 8.0, "views": 3, "objects": 4, "gaussians": 5120,
+        "known_m2": 40.0,
+        "occupied_m2": 8.0,
+        "views": 3,
+        "objects": 4,
+        "gaussians": 5120,
         "stored": False,
-    }  # fmt: skip
+    }
     assert backend.kept == {"map2d": b"walls", "objects": b"things"}
 
 

@@ -97,8 +97,12 @@ def test_the_map_is_rendered_from_any_pose(
 def test_gaussians_are_exported_and_an_unknown_object_gets_status_404(
     backend: Backend, client: TestClient
 ) -> None:
-    for path in ("/v1/objects.ply", "/v1/objects.npz", "/v1/objects/1/gaussians.ply",
-                 "/v1/objects/1/gaussians.npz"):  # fmt: skip
+    for path in (
+        "/v1/objects.ply",
+        "/v1/objects.npz",
+        "/v1/objects/1/gaussians.ply",
+        "/v1/objects/1/gaussians.npz",
+    ):
         answer = client.get(path)
         assert (answer.status_code, answer.headers["x-gaussians"]) == (200, "7")
         again = client.get(path, headers={"if-none-match": answer.headers["etag"]})

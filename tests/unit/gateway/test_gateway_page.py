@@ -11,9 +11,12 @@ from helios_map2d.pictures import canvas, legend
 
 PAGE = Path(helios_gateway.__file__).parent / "static"
 SAME = {
-    "frontier": canvas.FRONTIER_RGB, "beyond": canvas.BEYOND_RGB, "way": canvas.TRAIL_RGB,
-    "plan": canvas.PATH_RGB, "robot": canvas.ROBOT_RGB,
-}  # fmt: skip
+    "frontier": canvas.FRONTIER_RGB,
+    "beyond": canvas.BEYOND_RGB,
+    "way": canvas.TRAIL_RGB,
+    "plan": canvas.PATH_RGB,
+    "robot": canvas.ROBOT_RGB,
+}
 ONLY_THERE = ("low obstacle",)  # the page draws all obstacles in one shade
 
 

@@ -59,9 +59,10 @@ def test_the_cells_image_is_north_up_and_encodes_state_explored_and_value(
     assert (state, explored) == (255, 255)
     assert value > 200
     assert cells[0, 179].tolist() == [0, 0, 0]  # a room that was never seen
-    assert client.get("/v1/map/cells.png").content != client.get(
-        "/v1/map/cells.png?layer=pick"
-    ).content  # fmt: skip
+    assert (
+        client.get("/v1/map/cells.png").content
+        != client.get("/v1/map/cells.png?layer=pick").content
+    )
 
 
 def test_each_map_version_is_requested_only_once_from_map2d(
@@ -134,9 +135,12 @@ def test_a_corrupt_map_gets_status_500_with_the_reason(
 def test_frontiers_have_values_and_positions(backend: Backend, client: TestClient) -> None:
     frontiers = client.get("/v1/map/frontiers").json()["frontiers"]
     assert frontiers[0] == {
-        "id": 12, "center_m": [6.4, 2.0], "size_m": 1.3, "reachable": True,
+        "id": 12,
+        "center_m": [6.4, 2.0],
+        "size_m": 1.3,
+        "reachable": True,
         "values": {"pick": 0.21, "place": 0.33},
-    }  # fmt: skip
+    }
 
 
 def test_objects_have_the_documented_fields_and_no_nan(
@@ -207,8 +211,10 @@ def test_the_robot_is_reported_with_its_pose_and_stop_now_latches(
     assert robot["connected"] is True
     assert robot["description"]["name"] == "stretch"
     assert {k: round(v, 6) for k, v in robot["state"]["pose"].items()} == {
-        "x_m": 3.1, "y_m": 2.2, "yaw_rad": 2.5,
-    }  # fmt: skip
+        "x_m": 3.1,
+        "y_m": 2.2,
+        "yaw_rad": 2.5,
+    }
     assert client.post("/v1/robot/stop").json()["state"]["stopped"] is True
     assert client.post("/v1/robot/stop", json={"reason": "test"}).status_code == 200
     assert client.post("/v1/robot/stop", json={"reason": 5}).status_code == 200

@@ -13,9 +13,12 @@ from tests.gateway_backend import Backend
 
 INSTRUCTION = "Move the mug from the coffee table to the kitchen counter"
 DECIDED = pb.Decision(
-    task_id="t1", rule="global search (eq. 8-10)", do="search_receptacle", why="search it",
+    task_id="t1",
+    rule="global search (eq. 8-10)",
+    do="search_receptacle",
+    why="search it",
     candidates=[pb.Candidate(kind="receptacle", name="table", id=7, chosen=True)],
-)  # fmt: skip
+)
 
 
 @pytest.fixture
@@ -31,10 +34,15 @@ def requested_settings(
             raise InvalidInput("decisions cannot be recomputed under another 'alpha'")
         out = pb.DecisionList(decisions=[DECIDED])
         if request.settings:
-            out.decisions[0].recomputed.CopyFrom(pb.Recomputed(
-                do="go_to_frontier", why="explore it", flips=True, certain=True,
-                candidates=[pb.Candidate(kind="frontier", terms={"total": 0.5}, chosen=True)],
-            ))  # fmt: skip
+            out.decisions[0].recomputed.CopyFrom(
+                pb.Recomputed(
+                    do="go_to_frontier",
+                    why="explore it",
+                    flips=True,
+                    certain=True,
+                    candidates=[pb.Candidate(kind="frontier", terms={"total": 0.5}, chosen=True)],
+                )
+            )
         return out
 
     MemoryBus(hub).serve(DECISIONS, decisions)
@@ -75,8 +83,9 @@ def test_decisions_of_an_unknown_task_get_status_404_also_with_settings(
     assert answer.status_code == 404
 
 
-def test_a_time_limit_reaches_the_planner(backend: Backend, hub: MemoryHub,
-                                          client: TestClient) -> None:  # fmt: skip
+def test_a_time_limit_reaches_the_planner(
+    backend: Backend, hub: MemoryHub, client: TestClient
+) -> None:
     heard: list[float] = []
 
     def submit(request: pb.SubmitRequest) -> pb.Task:
@@ -86,8 +95,8 @@ def test_a_time_limit_reaches_the_planner(backend: Backend, hub: MemoryHub,
     MemoryBus(hub).serve(SUBMIT, submit)
     body = {"instruction": INSTRUCTION, "time_limit_s": 90}
     assert client.post("/v1/tasks", json=body).json()["time_limit_s"] == 90
-    assert client.post("/v1/tasks", json={"instruction": INSTRUCTION}).json()[
-        "time_limit_s"
-    ] is None  # fmt: skip
+    assert (
+        client.post("/v1/tasks", json={"instruction": INSTRUCTION}).json()["time_limit_s"] is None
+    )
     assert heard == [90, 0]
     assert client.post("/v1/tasks", json=body | {"time_limit_s": -1}).status_code == 400

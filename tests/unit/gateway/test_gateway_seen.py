@@ -53,10 +53,16 @@ def test_an_invalid_prompt_or_limit_is_refused(
 
 @pytest.mark.parametrize(
     ("prompt", "class_name", "named"),
-    [("Mug", "mug", True), ("two mugs", "mug", True), ("where is my coffee-table?", "coffee table",
-      True), ("table", "coffee table", False), ("smug", "mug", False), ("mug", "", False),
-     ("a cup (of tea", "cup (of", True)],
-)  # fmt: skip
+    [
+        ("Mug", "mug", True),
+        ("two mugs", "mug", True),
+        ("where is my coffee-table?", "coffee table", True),
+        ("table", "coffee table", False),
+        ("smug", "mug", False),
+        ("mug", "", False),
+        ("a cup (of tea", "cup (of", True),
+    ],
+)
 def test_a_prompt_mentions_a_class_only_as_whole_words(
     prompt: str, class_name: str, named: bool
 ) -> None:

@@ -164,8 +164,12 @@ def test_status_lists_every_service_with_restarts_and_pid(
     assert set(status) == {"ready", "stopped", "stop_reason", "services"}
     by_name = {s["name"]: s for s in status["services"]}
     assert by_name["detector"] == {
-        "name": "detector", "state": "ready", "reason": "", "restarts": 2, "pid": 4102,
-    }  # fmt: skip
+        "name": "detector",
+        "state": "ready",
+        "reason": "",
+        "restarts": 2,
+        "pid": 4102,
+    }
     assert by_name["router"]["state"] == "ready"
 
 

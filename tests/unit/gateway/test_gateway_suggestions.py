@@ -24,9 +24,10 @@ KNOWN = ("bowl", "coffee_table", "kitchen_counter", "mug", "sofa")
 
 def test_a_seen_object_is_suggested_for_a_move_to_another_receptacle() -> None:
     assert suggestions(False, KNOWN, True, [COUNTER, MUG, TABLE], 3) == [
-        "Move the mug from the coffee table to the kitchen counter", "Find the mug",
+        "Move the mug from the coffee table to the kitchen counter",
+        "Find the mug",
         "Go to the coffee table",
-    ]  # fmt: skip
+    ]
 
 
 def test_a_robot_without_an_arm_gets_no_move_suggestions() -> None:
@@ -42,9 +43,7 @@ def test_a_doubtful_object_is_not_suggested() -> None:
 
 
 def test_examples_and_known_names_are_suggested_before_anything_is_seen() -> None:
-    assert suggestions(False, KNOWN, True, [], 3) == [
-        EXAMPLE, "Find the bowl", "Go to the sofa"
-    ]  # fmt: skip
+    assert suggestions(False, KNOWN, True, [], 3) == [EXAMPLE, "Find the bowl", "Go to the sofa"]
     assert suggestions(False, ["box", "shelf"], True, [], 3) == ["Find the box", "Find the shelf"]
     assert suggestions(True, [], True, [], 3) == [EXAMPLE, "Find the apple", "Go to the sofa"]
 
@@ -52,9 +51,12 @@ def test_examples_and_known_names_are_suggested_before_anything_is_seen() -> Non
 def test_suggestions_for_a_new_home_are_not_in_alphabetical_order() -> None:
     of_coco = suggestions(False, sorted(COCO_NAMES), True, [], 5)
     assert of_coco == [
-        "Move the apple from the dining table to the couch", "Find the cup", "Go to the bed",
-        "Find the apple", "Find the bottle",
-    ]  # fmt: skip
+        "Move the apple from the dining table to the couch",
+        "Find the cup",
+        "Go to the bed",
+        "Find the apple",
+        "Find the bottle",
+    ]
     for catalog in CATALOGS.values():
         known = sorted([*catalog.objects, *catalog.receptacles])
         reported = suggestions(False, known, True, [], 5)

@@ -240,16 +240,22 @@ def test_decisions_carry_candidates_with_their_terms(backend: Backend, client: T
 @settings(
     max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-@given(body=st.recursive(
-    st.none() | st.booleans() | st.floats(allow_nan=False) | st.text(),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(
-        st.sampled_from(["instruction", "max_steps", "x"]), inner, max_size=3),
-    max_leaves=8))  # fmt: skip
+@given(
+    body=st.recursive(
+        st.none() | st.booleans() | st.floats(allow_nan=False) | st.text(),
+        lambda inner: (
+            st.lists(inner, max_size=3)
+            | st.dictionaries(st.sampled_from(["instruction", "max_steps", "x"]), inner, max_size=3)
+        ),
+        max_leaves=8,
+    )
+)
 def test_no_request_body_causes_status_500(
     backend: Backend, client: TestClient, body: object
 ) -> None:
-    response = client.post("/v1/tasks", content=json.dumps(body).encode(),
-                           headers={"content-type": "application/json"})  # fmt: skip
+    response = client.post(
+        "/v1/tasks", content=json.dumps(body).encode(), headers={"content-type": "application/json"}
+    )
     assert response.status_code in (202, 400)
 
 

@@ -30,9 +30,13 @@ from tests.gateway_home import gaussians as reply_of
 def arrays_of(concentration: list[list[float]]) -> Gaussians:
     n = len(concentration)
     return Gaussians(
-        np.zeros((n, 3), np.float32), np.full(n, 0.02, np.float32), np.full((n, 3), 9, np.uint8),
-        np.ones(n, np.float32), np.array(concentration, np.float32), ("other", "mug", "sofa"),
-    )  # fmt: skip
+        np.zeros((n, 3), np.float32),
+        np.full(n, 0.02, np.float32),
+        np.full((n, 3), 9, np.uint8),
+        np.ones(n, np.float32),
+        np.array(concentration, np.float32),
+        ("other", "mug", "sofa"),
+    )
 
 
 def messages(scene: bytes) -> list[dict]:

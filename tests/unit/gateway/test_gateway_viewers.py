@@ -38,10 +38,14 @@ def test_each_version_of_each_response_is_encoded_once(
     def look(_: int) -> set[str]:
         maps = live.maps
         views = [
-            live.camera.jpeg(raw=False), maps.cells("pick"), maps.picture("occupancy", 900),
-            maps.npz(None), maps.info_json(), maps.frontiers_json(),
+            live.camera.jpeg(raw=False),
+            maps.cells("pick"),
+            maps.picture("occupancy", 900),
+            maps.npz(None),
+            maps.info_json(),
+            maps.frontiers_json(),
             maps.objects_json(None, None),
-        ]  # fmt: skip
+        ]
         return {view.tag for view in views}
 
     once = {"image/jpeg": 1, "image/png": 2, "application/octet-stream": 1, "application/json": 3}

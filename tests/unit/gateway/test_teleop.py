@@ -55,8 +55,11 @@ def test_a_held_command_moves_the_robot_and_its_release_stops_the_robot(
 ) -> None:
     with connect_driver(client) as socket:
         assert socket.receive_json() == {
-            "state": "standing", "reason": "", "kind": "", "pose": None
-        }  # fmt: skip
+            "state": "standing",
+            "reason": "",
+            "kind": "",
+            "pose": None,
+        }
         socket.send_json(AHEAD)
         driven = receive_until(socket, lambda s: s["pose"] is not None)
         assert driven["pose"]["x_m"] == pytest.approx(0.1)

@@ -108,9 +108,12 @@ class Rig:
     ) -> None:
         """Publish the robot's state; `at` is x, y (m) and yaw (rad)."""
         state = RobotState(
-            se2_to_se3(*at), held=held, world_epoch=world_epoch, robot_boot_id=boot_id,
+            se2_to_se3(*at),
+            held=held,
+            world_epoch=world_epoch,
+            robot_boot_id=boot_id,
             origin_id=origin,
-        )  # fmt: skip
+        )
         self.bus.publish(ROBOT_STATE, state_to_proto(state))
 
     def search(self, name: str, prompts: Mapping[str, str] | None = None) -> None:

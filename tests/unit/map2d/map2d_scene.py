@@ -82,15 +82,21 @@ def room(width: float = 4.0, depth: float = 3.0, wall: float = 0.1) -> list[Bloc
 def table(x: float, y: float, width: float = 0.8, depth: float = 0.6) -> list[Block]:
     """A table top 0.70-0.74 m up on four legs of 4 cm, centred on (x, y)."""
     x0, x1, y0, y1 = x - width / 2, x + width / 2, y - depth / 2, y + depth / 2
-    legs = [Block((a, b, 0), (a + 0.04, b + 0.04, 0.7))
-            for a in (x0, x1 - 0.04) for b in (y0, y1 - 0.04)]  # fmt: skip
+    legs = [
+        Block((a, b, 0), (a + 0.04, b + 0.04, 0.7))
+        for a in (x0, x1 - 0.04)
+        for b in (y0, y1 - 0.04)
+    ]
     return [Block((x0, y0, 0.70), (x1, y1, 0.74)), *legs]
 
 
 def chair(x: float, y: float) -> list[Block]:
     """A chair: a seat of 40 x 40 cm, a back, and four legs of 3 cm."""
-    legs = [Block((x + a, y + b, 0), (x + a + 0.03, y + b + 0.03, 0.45))
-            for a in (-0.2, 0.17) for b in (-0.2, 0.17)]  # fmt: skip
+    legs = [
+        Block((x + a, y + b, 0), (x + a + 0.03, y + b + 0.03, 0.45))
+        for a in (-0.2, 0.17)
+        for b in (-0.2, 0.17)
+    ]
     seat = Block((x - 0.2, y - 0.2, 0.42), (x + 0.2, y + 0.2, 0.46))
     return [seat, Block((x - 0.2, y + 0.17, 0.46), (x + 0.2, y + 0.2, 0.9)), *legs]
 

@@ -35,8 +35,13 @@ def assert_refused(rig: Rig, reason: str, *files: tuple[str, bytes]) -> None:
 
 
 def yaml(**other: str) -> bytes:
-    lines = {"resolution": "0.025", "origin": "[0, 0, 0]", "occupied_thresh": "0.65",
-             "free_thresh": "0.196", **other}  # fmt: skip
+    lines = {
+        "resolution": "0.025",
+        "origin": "[0, 0, 0]",
+        "occupied_thresh": "0.65",
+        "free_thresh": "0.196",
+        **other,
+    }
     return "\n".join(f"{key}: {value}" for key, value in lines.items()).encode()
 
 

@@ -30,8 +30,10 @@ def follow(rig: Rig, mirror: MapReplica) -> int:
 def assert_same(rig: Rig, mirror: MapReplica) -> None:
     whole = decode_snapshot(rig.snapshot())
     got, origin_m = mirror.occupancy()
-    row, column = (round((a - b) / whole.cell_m)
-                   for a, b in zip(whole.origin_m[::-1], origin_m[::-1], strict=True))  # fmt: skip
+    row, column = (
+        round((a - b) / whole.cell_m)
+        for a, b in zip(whole.origin_m[::-1], origin_m[::-1], strict=True)
+    )
     rows, columns = whole.shape
     part = got[row : row + rows, column : column + columns]
     np.testing.assert_array_equal(part, whole.occupancy)

@@ -61,9 +61,16 @@ def test_clearing_the_footprint_frees_its_cells_and_reports_only_changed_ones(
     came_of_it = np.zeros((22, 18), np.uint8)
     kept = evidence.copy()
     fuse_kernels.clear_disc(
-        (1, 23, 2, 20), grid.origin_m, 0.05, (x_m, 0.8, radius_m), evidence, floor_seen, occupancy,
-        (1, 2), came_of_it,
-    )  # fmt: skip
+        (1, 23, 2, 20),
+        grid.origin_m,
+        0.05,
+        (x_m, 0.8, radius_m),
+        evidence,
+        floor_seen,
+        occupancy,
+        (1, 2),
+        came_of_it,
+    )
     places = np.array([grid.centre_of(r, c) for r, c in np.ndindex(shape)]).reshape(*shape, 2)
     disc = ((places - (x_m, 0.8)) ** 2).sum(axis=2) <= radius_m**2
     disc[0], disc[23], disc[:, :2] = False, False, False
@@ -87,8 +94,9 @@ def test_a_client_that_knows_another_map_gets_the_whole_map() -> None:
     assert not changes_after(snapshot, known).tiles
     foreign = pb.MapChangesRequest(map_id="another", after=whole.next, most_tiles=1000)
     assert changes_after(snapshot, foreign) == whole
-    ahead = pb.MapChangesRequest(map_id=whole.map_id, most_tiles=1000,
-                                 after=pb.MapCursor(version=whole.version + 1))  # fmt: skip
+    ahead = pb.MapChangesRequest(
+        map_id=whole.map_id, most_tiles=1000, after=pb.MapCursor(version=whole.version + 1)
+    )
     assert changes_after(snapshot, ahead) == whole
 
 
@@ -113,8 +121,9 @@ def test_clearance_is_measured_to_the_edge_of_an_occupied_cell() -> None:
     tile = GroundTile((0, 0), 1, 1, occupancy, blank, flat, flat, blank, blank)
     snapshot = dataclasses.replace(
         EpochMap(RULES, (0.5, 0.5), 0.0).published,
-        grid=GridSpec(0.025, 64, 64, (0, 0)), ground={(0, 0): tile},
-    )  # fmt: skip
+        grid=GridSpec(0.025, 64, 64, (0, 0)),
+        ground={(0, 0): tile},
+    )
     way = np.array([[8.5, 10.5], [10.5, 10.5]]) * 0.025  # from cell to cell along a row
     cost = cost_along(snapshot, way, 0.1, 5.0)
     assert cost.clearance_m[0] == pytest.approx((12 - 0.5) * 0.025 - 0.1, abs=1e-6)

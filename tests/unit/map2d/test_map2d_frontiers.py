@@ -59,8 +59,9 @@ def test_frontier_cells_and_clusters_equal_brute_force(
     own, starts = cluster_kernels.clusters_of(cells, side, least)
     expected, count = labelled(mask, 8)
     parts = [by_tile(expected == k, corner, side) for k in range(1, count + 1)]
-    wanted = sorted((p for p in parts if len(p) >= least),
-                    key=lambda p: (-len(p), cells.tolist().index(p[0])))  # fmt: skip
+    wanted = sorted(
+        (p for p in parts if len(p) >= least), key=lambda p: (-len(p), cells.tolist().index(p[0]))
+    )
     assert [own[a:b].tolist() for a, b in itertools.pairwise(starts)] == wanted
 
 
@@ -117,15 +118,18 @@ def test_frontier_matching_equals_brute_force(
     wanted = {k: j for k, j in enumerate(twins) if j >= 0}
     votes = {
         (k, j): int((np.abs(a[:, None] - b).max(axis=2) <= reach).any(axis=1).sum())
-        for k, a in enumerate(new) if k not in wanted
-        for j, b in enumerate(old) if j not in wanted.values()
-    }  # fmt: skip
+        for k, a in enumerate(new)
+        if k not in wanted
+        for j, b in enumerate(old)
+        if j not in wanted.values()
+    }
     for k, j in sorted(votes, key=lambda pair: -votes[pair]):
         if votes[k, j] and k not in wanted and j not in wanted.values():
             wanted[k] = j
     fresh = iter(range(100, 200))
-    assert ids.tolist() == [numbers[wanted[k]] if k in wanted else next(fresh)
-                            for k in range(len(new))]  # fmt: skip
+    assert ids.tolist() == [
+        numbers[wanted[k]] if k in wanted else next(fresh) for k in range(len(new))
+    ]
     assert next_id == next(fresh)
 
 
@@ -316,8 +320,12 @@ def test_updating_only_the_values_equals_finding_all_frontiers_again(
         assert len(fast) == len(slow)
         for a, b in zip(fast, slow, strict=True):
             assert (a.id, a.centre_m, a.size_m, a.reachable, a.values) == (
-                b.id, b.centre_m, b.size_m, b.reachable, b.values,
-            )  # fmt: skip
+                b.id,
+                b.centre_m,
+                b.size_m,
+                b.reachable,
+                b.values,
+            )
             np.testing.assert_array_equal(a.cells, b.cells)
 
 

@@ -113,7 +113,11 @@ def test_a_wall_far_from_the_world_origin_is_mapped_at_its_position() -> None:
     state = EpochMap(MapRules(size_cells=64), (100.0, -40.0), 0.2)
     state.integrate_frame(walk.frame(100.0, -40.0, 0.0))
     rows, columns = np.nonzero(state.published.occupancy == 100)
-    x = np.array([state.published.grid.centre_of(int(r), int(c))[0]
-                  for r, c in zip(rows, columns, strict=True)])  # fmt: skip
+    x = np.array(
+        [
+            state.published.grid.centre_of(int(r), int(c))[0]
+            for r, c in zip(rows, columns, strict=True)
+        ]
+    )
     assert len(x) > 50
     assert np.abs(x - 102.0).max() < 0.05

@@ -160,8 +160,10 @@ def test_a_negated_ros_map_is_read_with_inverted_values() -> None:
     _, png = cv2.imencode(".png", 255 - grey)
     about = files["map.yaml"].replace(b"negate: 0", b"negate: 1")
     other.say_epoch("boot")
-    load(other, [pb.Map2DFile(name="m.yaml", data=about),
-                 pb.Map2DFile(name="m.png", data=png.tobytes())])  # fmt: skip
+    load(
+        other,
+        [pb.Map2DFile(name="m.yaml", data=about), pb.Map2DFile(name="m.png", data=png.tobytes())],
+    )
     before = state_of(rig).published.occupancy
     np.testing.assert_array_equal(state_of(other).published.occupancy, before)
 
@@ -173,10 +175,17 @@ def test_a_ros_map_with_block_style_yaml_is_aligned_to_the_grid_within_half_a_ce
     grey[10, 20] = 0
     ok, png = cv2.imencode(".png", grey)
     assert ok
-    about = (b"image: floor.png\nresolution: 0.025\norigin:\n- -1.02\n- 2.004\n- 0.0\n"
-             b"negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n")  # fmt: skip
-    load(rig, [pb.Map2DFile(name="floor.yaml", data=about),
-                 pb.Map2DFile(name="floor.png", data=png.tobytes())])  # fmt: skip
+    about = (
+        b"image: floor.png\nresolution: 0.025\norigin:\n- -1.02\n- 2.004\n- 0.0\n"
+        b"negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    )
+    load(
+        rig,
+        [
+            pb.Map2DFile(name="floor.yaml", data=about),
+            pb.Map2DFile(name="floor.png", data=png.tobytes()),
+        ],
+    )
     after = state_of(rig).published
     ((row, column),) = np.argwhere(after.occupancy == 100)
     x, y = after.grid.centre_of(int(row), int(column))

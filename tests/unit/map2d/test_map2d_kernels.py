@@ -79,9 +79,7 @@ def project_depth_reference(
 
 
 @settings(max_examples=6, deadline=None)
-@given(
-    st.floats(-3, 3), st.floats(0.0, 0.9), st.integers(0, 2**31), st.sampled_from([1, 2, 3])
-)  # fmt: skip
+@given(st.floats(-3, 3), st.floats(0.0, 0.9), st.integers(0, 2**31), st.sampled_from([1, 2, 3]))
 def test_project_depth_equals_the_reference(
     yaw: float, pitch_down: float, seed: int, step: int
 ) -> None:
@@ -113,8 +111,11 @@ def test_project_depth_equals_the_reference(
     assert abs(count.astype(int) - expected).sum() <= 0.01 * expected.sum() + 4
     both = (count > 0) & (count == expected)
     assert np.mean(abs(highs[both] - top[both]) < 1e-3) > 0.99
-    got = {(int(b) + first, int(k), kind) for kind in (FLOOR, OBSTACLE)
-           for k, b in np.argwhere(found[kind])}  # fmt: skip
+    got = {
+        (int(b) + first, int(k), kind)
+        for kind in (FLOOR, OBSTACLE)
+        for k, b in np.argwhere(found[kind])
+    }
     wanted = {mark for mark in marks if first <= mark[0] < first + bins}
     assert len(got ^ wanted) <= 0.02 * len(wanted) + 4
 

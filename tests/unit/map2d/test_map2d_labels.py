@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 SIZE_PX = (600, 400)
 
-boxes = st.tuples(
-    st.floats(0, 560), st.floats(0, 380), st.floats(1, 40), st.floats(1, 20)
-).map(lambda b: (b[0], b[1], b[0] + b[2], b[1] + b[3]))  # fmt: skip
+boxes = st.tuples(st.floats(0, 560), st.floats(0, 380), st.floats(1, 40), st.floats(1, 20)).map(
+    lambda b: (b[0], b[1], b[0] + b[2], b[1] + b[3])
+)
 labels = st.builds(Wanted, st.floats(20, 120), st.floats(8, 20), boxes)
 
 

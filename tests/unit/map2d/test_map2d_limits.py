@@ -34,20 +34,26 @@ def depths_m(draw: st.DrawFn) -> np.ndarray:
 def test_maps_of_random_frames_contain_no_nan(data: st.DataObject) -> None:
     cell_m, footprint_m = data.draw(st.floats(0.02, 0.1)), data.draw(st.floats(0.1, 0.6))
     rules = MapRules(
-        cell_m=cell_m, size_cells=64,
+        cell_m=cell_m,
+        size_cells=64,
         frontiers=replace(FrontierRules(), robot_radius_m=footprint_m, min_size_m=0.0),
         explored_by_cone=data.draw(st.booleans()),
-    )  # fmt: skip
+    )
     state = EpochMap(rules, data.draw(poses)[:2], data.draw(st.sampled_from([0.0, footprint_m])))
     state.reset_search(SearchContext("search", (), {"pick": "a mug"}))
     for seq in range(1, data.draw(st.integers(1, 4)) + 1):
         base = se2_to_se3(*data.draw(poses))
         tilt_rad = data.draw(st.floats(-1.5, 1.5))
         frame = Frame(
-            FrameId("boot", 0, seq), seq, True,
-            np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8), data.draw(depths_m()), CAMERA,
-            camera_on_base(base, data.draw(st.floats(0.1, 2.0)), tilt_rad, 0.1), base,
-        )  # fmt: skip
+            FrameId("boot", 0, seq),
+            seq,
+            True,
+            np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8),
+            data.draw(depths_m()),
+            CAMERA,
+            camera_on_base(base, data.draw(st.floats(0.1, 2.0)), tilt_rad, 0.1),
+            base,
+        )
         state.integrate_frame(frame)
         score = data.draw(st.floats(0, 1))
         state.integrate_values(Observation(frame, "search", (), {"pick": score}, "test"))

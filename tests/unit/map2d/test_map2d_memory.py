@@ -187,8 +187,7 @@ def view(seq: int, x: float, y: float, yaw: float, *named: DetectedClass) -> See
     reach = np.zeros(400, np.float32)
     reach[180:220] = 3.0
     cone = Cone(x, y, (math.cos(yaw), math.sin(yaw)), 0.4, reach)
-    return SeenView(FrameId("boot", 0, seq), seq, cone, SEEN, b"jpeg",
-                    named)  # fmt: skip
+    return SeenView(FrameId("boot", 0, seq), seq, cone, SEEN, b"jpeg", named)
 
 
 def test_a_full_view_memory_drops_the_view_that_others_cover_best() -> None:

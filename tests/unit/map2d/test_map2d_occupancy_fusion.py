@@ -154,10 +154,16 @@ def test_fold_obstacles_equals_the_reference(rng: np.random.Generator, turn: flo
 
 
 def fold_cell_reference(
-    depth: NDArray[np.float32], T: NDArray[np.float64], count: NDArray[np.int32],
-    low: NDArray[np.float32], high: NDArray[np.float32], state: dict[str, NDArray],
-    came: NDArray[np.uint8], r: int, c: int,
-) -> None:  # fmt: skip
+    depth: NDArray[np.float32],
+    T: NDArray[np.float64],
+    count: NDArray[np.int32],
+    low: NDArray[np.float32],
+    high: NDArray[np.float32],
+    state: dict[str, NDArray],
+    came: NDArray[np.uint8],
+    r: int,
+    c: int,
+) -> None:
     """One cell: remove evidence where the view sees through it, add this frame's hit."""
     at = r + CORNER[0], c + CORNER[1]
     e = before = int(state["evidence"][at])

@@ -20,10 +20,14 @@ from map2d_rig import Rig
 from map2d_scene import Block, Walk, chair, room, table
 
 HOME = [
-    *room(6.0, 5.0), *table(1.2, 1.0, 1.4, 0.9), *chair(2.3, 4.2), *table(5.2, 3.4, 0.7, 1.6),
-    Block((3.0, 0.0, 0.0), (3.1, 1.6, 2.5)), Block((0.0, 3.2, 0.0), (0.6, 4.6, 1.2)),
+    *room(6.0, 5.0),
+    *table(1.2, 1.0, 1.4, 0.9),
+    *chair(2.3, 4.2),
+    *table(5.2, 3.4, 0.7, 1.6),
+    Block((3.0, 0.0, 0.0), (3.1, 1.6, 2.5)),
+    Block((0.0, 3.2, 0.0), (0.6, 4.6, 1.2)),
     Block((4.2, 0.0, 0.0), (5.6, 0.5, 0.9)),
-]  # fmt: skip
+]
 OTHER = [*room(4.0, 7.0), *table(2.0, 5.0, 1.6, 0.7), Block((0.0, 1.0, 0.0), (1.5, 1.2, 2.5))]
 T_NOW_HOME = se2_to_se3(4.0, -7.0, 2.2)  # the present frame: turned, and shifted by metres
 WAIT_S = 60.0
@@ -32,9 +36,11 @@ WAIT_S = 60.0
 def in_frame(frame: Frame, T_now_home: Matrix, boot: str) -> Frame:
     """The frame as a robot with another origin reports it."""
     return replace(
-        frame, id=replace(frame.id, robot_boot_id=boot),
-        T_world_cam=T_now_home @ frame.T_world_cam, T_world_base=T_now_home @ frame.T_world_base,
-    )  # fmt: skip
+        frame,
+        id=replace(frame.id, robot_boot_id=boot),
+        T_world_cam=T_now_home @ frame.T_world_cam,
+        T_world_base=T_now_home @ frame.T_world_base,
+    )
 
 
 def look(

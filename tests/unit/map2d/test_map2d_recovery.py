@@ -135,8 +135,12 @@ def test_a_damaged_autosaved_map_is_moved_aside_and_reported(tmp_path: Path, dam
     rig.service.close()
     path = tmp_path / FILE_NAME
     data = path.read_bytes()
-    bad = {"cut": data[:-100], "changed": data[:-5] + b"12345", "foreign": b"\x7fELF" * 100,
-           "empty": b""}[damage]  # fmt: skip
+    bad = {
+        "cut": data[:-100],
+        "changed": data[:-5] + b"12345",
+        "foreign": b"\x7fELF" * 100,
+        "empty": b"",
+    }[damage]
     path.write_bytes(bad)
     again = Rig(*autosave_flags(tmp_path))
     state, reason = again.health.state

@@ -19,9 +19,14 @@ from hypothesis import strategies as st
 CELL_M = 0.05
 Boxes = Sequence[tuple[float, float, float, float]]  # x0, y0, x1, y1 (m)
 FURNITURE: Boxes = (
-    (0.5, 0.5, 2.5, 1.4), (4.4, 0.4, 5.6, 0.9), (0.3, 3.0, 0.9, 4.6), (2.6, 3.9, 3.4, 4.7),
-    (5.0, 2.2, 5.7, 3.6), (3.3, 0.4, 3.9, 1.2), (1.6, 4.4, 2.2, 4.8),
-)  # fmt: skip
+    (0.5, 0.5, 2.5, 1.4),
+    (4.4, 0.4, 5.6, 0.9),
+    (0.3, 3.0, 0.9, 4.6),
+    (2.6, 3.9, 3.4, 4.7),
+    (5.0, 2.2, 5.7, 3.6),
+    (3.3, 0.4, 3.9, 1.2),
+    (1.6, 4.4, 2.2, 4.8),
+)
 WALL: Boxes = ((3.0, 0.0, 3.1, 1.9), (3.0, 2.9, 3.1, 5.0))
 poses = st.builds(
     Transform2, st.floats(-8, 8), st.floats(-8, 8), st.floats(-math.pi, math.pi, exclude_min=True)

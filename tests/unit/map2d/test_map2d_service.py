@@ -112,9 +112,11 @@ def test_the_held_object_of_the_frame_overrides_that_of_the_robot_state(
     for _ in range(3):
         frame = rig.walk.frame(2.0, 1.5, 0.0)
         state = RobotState(
-            frame.T_world_base, held=now,
-            robot_boot_id=frame.id.robot_boot_id, world_epoch=frame.id.world_epoch,
-        )  # fmt: skip
+            frame.T_world_base,
+            held=now,
+            robot_boot_id=frame.id.robot_boot_id,
+            world_epoch=frame.id.world_epoch,
+        )
         rig.bus.publish(ROBOT_STATE, state_to_proto(state))
         rig.keyframe(dataclasses.replace(frame, held=by_then))
     view = decode_snapshot(rig.snapshot())
@@ -191,8 +193,12 @@ def test_an_empty_map_is_reported_and_a_reset_empties_the_map(rig: Rig) -> None:
 @pytest.mark.parametrize("layer", ["", "occupancy", "pick"])
 def test_a_map_picture_is_a_png_of_the_requested_size(rig: Rig, layer: str) -> None:
     rig.settle()
-    mug = pb.MarkedObject(label="mug", score=0.7, center_m=pb.Vector3(x=2.5, y=2.4, z=0.8),
-                          size_m=pb.Vector3(x=0.1, y=0.1, z=0.1))  # fmt: skip
+    mug = pb.MarkedObject(
+        label="mug",
+        score=0.7,
+        center_m=pb.Vector3(x=2.5, y=2.4, z=0.8),
+        size_m=pb.Vector3(x=0.1, y=0.1, z=0.1),
+    )
     request = pb.PictureRequest(layer=layer, size_px=400, path_m=[1, 1, 2, 1], objects=[mug])
     png = rig.bus.call(PICTURE, request, 5).png
     picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)

@@ -180,8 +180,10 @@ def test_a_direction_between_two_pixels_reaches_as_far_as_the_nearer_one() -> No
     layers = ValueLayers(GRID, ValueRules())
     layers.integrate(Cone(0.0, 0.0, (1.0, 0.0), 1.0, reach), {"pick": 0.5})
     ahead, left = bin_directions(40)[:, 19]
-    seen = [bool(layers.layers["pick"].confidence[GRID.cell_of(r * ahead, r * left)])
-            for r in (1.2, 2.2)]  # fmt: skip
+    seen = [
+        bool(layers.layers["pick"].confidence[GRID.cell_of(r * ahead, r * left)])
+        for r in (1.2, 2.2)
+    ]
     assert seen == [True, False]
 
 

@@ -46,9 +46,7 @@ class LocalHub:
         """The model's description, as the hub's interface gives it with `blobs=true`."""
         siblings = []
         for name, data in self.files.items():
-            entry: dict[str, Any] = {
-                "rfilename": name, "size": len(data), "blobId": git_id(data)
-            }  # fmt: skip
+            entry: dict[str, Any] = {"rfilename": name, "size": len(data), "blobId": git_id(data)}
             if name in self.large:
                 entry["lfs"] = {"sha256": sha256(data), "size": len(data), "pointerSize": 100}
             siblings.append(entry)

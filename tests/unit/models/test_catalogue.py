@@ -33,22 +33,32 @@ def test_the_catalogue_has_the_models_of_the_page_with_their_parameters() -> Non
         use, licence, size = rows[model.setting]
         number, unit = size.split()
         assert (use, float(number) * (1000 if unit == "B" else 1)) == (
-            "detector" if model.use == "detector" else model.use, model.parameters_m
-        )  # fmt: skip
+            "detector" if model.use == "detector" else model.use,
+            model.parameters_m,
+        )
         assert model.licence.split()[0] in licence
 
 
-@given(st.dictionaries(st.from_regex(r"[a-z]{1,8}/[a-z0-9.-]{1,8}[a-z]", fullmatch=True),
-                       st.integers(0, 2**40), max_size=4))  # fmt: skip
+@given(
+    st.dictionaries(
+        st.from_regex(r"[a-z]{1,8}/[a-z0-9.-]{1,8}[a-z]", fullmatch=True),
+        st.integers(0, 2**40),
+        max_size=4,
+    )
+)
 def test_a_lock_file_is_read_as_written(sizes: dict[str, int]) -> None:
     import tempfile
 
     models = {
-        id: LockedModel("http://x", "c0ffee", "mit", "2026-01-01", {
-            "config.json": LockedFile(size, "0" * 64, "publisher")
-        })
+        id: LockedModel(
+            "http://x",
+            "c0ffee",
+            "mit",
+            "2026-01-01",
+            {"config.json": LockedFile(size, "0" * 64, "publisher")},
+        )
         for id, size in sizes.items()
-    }  # fmt: skip
+    }
     with tempfile.TemporaryDirectory() as folder:
         write_lock(Path(folder), models)
         assert read_lock(Path(folder)) == models

@@ -63,9 +63,13 @@ def test_a_download_continues_in_the_same_version(
 @pytest.mark.parametrize(("before", "after"), [(None, None), (DATE, LATER), (DATE, {"ETag": "1"})])
 @pytest.mark.parametrize("changed", [NEW, NEW[: CUT - 1], NEW[:CUT]])
 def test_a_new_version_is_never_joined_to_the_old_one(
-    changed: bytes, before: dict[str, str] | None, after: dict[str, str] | None,
-    ignores_if_range: bool, hub: LocalHub, to: Path,
-) -> None:  # fmt: skip
+    changed: bytes,
+    before: dict[str, str] | None,
+    after: dict[str, str] | None,
+    ignores_if_range: bool,
+    hub: LocalHub,
+    to: Path,
+) -> None:
     hub.onnx_version = before
     interrupt(hub, to)
     hub.onnx, hub.onnx_version, hub.ignores_if_range = changed, after, ignores_if_range

@@ -22,10 +22,12 @@ pytest.importorskip("huggingface_hub", reason="pip install 'helios-ovmm[models]'
 
 WEIGHTS = random.Random(1).randbytes(3_000_000)
 FILES = {
-    "config.json": b'{"model_type": "owlv2"}', "README.md": b"an owl",
-    "model.safetensors": WEIGHTS, "pytorch_model.bin": b"the same in another format",
+    "config.json": b'{"model_type": "owlv2"}',
+    "README.md": b"an owl",
+    "model.safetensors": WEIGHTS,
+    "pytorch_model.bin": b"the same in another format",
     "onnx/model.onnx": b"not needed",
-}  # fmt: skip
+}
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -40,15 +42,23 @@ def models(hub: LocalHub, tmp_path: Path) -> Run:
     """Run `helios models` on an empty home, with the local hub as both mirrors."""
     env = {k: v for k, v in os.environ.items() if not k.startswith(("HF_", "HELIOS_"))}
     env |= {
-        "HOME": str(tmp_path), "HF_ENDPOINT": hub.url, "HELIOS_MODELS_MIRROR": hub.url,
-        "HELIOS_MODELS": str(tmp_path / "models"), "XDG_DATA_HOME": "", "XDG_CACHE_HOME": "",
-    }  # fmt: skip
+        "HOME": str(tmp_path),
+        "HF_ENDPOINT": hub.url,
+        "HELIOS_MODELS_MIRROR": hub.url,
+        "HELIOS_MODELS": str(tmp_path / "models"),
+        "XDG_DATA_HOME": "",
+        "XDG_CACHE_HOME": "",
+    }
 
     def run(*args: str, **more: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            [sys.executable, "-m", "helios_client", *args], env=env | more, capture_output=True,
-            text=True, timeout=100, check=False,
-        )  # fmt: skip
+            [sys.executable, "-m", "helios_client", *args],
+            env=env | more,
+            capture_output=True,
+            text=True,
+            timeout=100,
+            check=False,
+        )
 
     return run
 
@@ -66,9 +76,7 @@ def test_a_fetched_model_is_complete_locked_and_verified(
     assert lock["revision"] == COMMIT
     assert lock["licence"] == "apache-2.0"
     weights = lock["files"]["model.safetensors"]
-    assert weights == {
-        "bytes": len(WEIGHTS), "sha256": sha256(WEIGHTS), "checked_by": "publisher"
-    }  # fmt: skip
+    assert weights == {"bytes": len(WEIGHTS), "sha256": sha256(WEIGHTS), "checked_by": "publisher"}
     assert models("models", "verify").returncode == 0
     before = len(hub.gets)
     again = models("models", "fetch", ID)

@@ -99,8 +99,13 @@ def observe(
         if named.get(i) in {c.name for c in context.classes} and (which == i).any()
     )
     frame = Frame(
-        FrameId("boot", epoch, seq), seq, True,
-        np.full((CAMERA.height, CAMERA.width, 3), 128, np.uint8), depth, CAMERA,
-        T_world_cam, np.eye(4),
-    )  # fmt: skip
+        FrameId("boot", epoch, seq),
+        seq,
+        True,
+        np.full((CAMERA.height, CAMERA.width, 3), 128, np.uint8),
+        depth,
+        CAMERA,
+        T_world_cam,
+        np.eye(4),
+    )
     return Observation(frame, context.id, detections, {}, "truth")

@@ -108,8 +108,11 @@ def table_map(settings, wrong_views: int) -> ObjectMap:
 
 def test_a_surface_called_the_same_twice_in_six_views_does_not_grow_the_table() -> None:
     length_m = TABLE_BOX[2][0] - TABLE_BOX[1][0]
-    joined = [o for o in table_map(CORED.model_copy(update={"core_from": 0.0}), 2).objects()
-              if o.class_name == "table"]  # fmt: skip
+    joined = [
+        o
+        for o in table_map(CORED.model_copy(update={"core_from": 0.0}), 2).objects()
+        if o.class_name == "table"
+    ]
     assert max(o.size_m[0] for o in joined) > length_m + 0.2
     (table,) = (o for o in table_map(CORED, 2).objects() if o.class_name == "table")
     assert table.size_m[0] == pytest.approx(length_m, abs=0.1)

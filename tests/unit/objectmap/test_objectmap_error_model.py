@@ -33,9 +33,14 @@ def file(tmp_path: Path) -> str:
     values = {"hit": 0.7, "mistaken": 0.3, "sides_correlate": 0.5, "rival": 0.6}
     names = {k: Estimate(value=v, low=v, high=v) for k, v in values.items()}
     source = FitSource(
-        what="a test", truth="truth", views=1, things=1, things_with_truth=1, sides=1.0,
+        what="a test",
+        truth="truth",
+        views=1,
+        things=1,
+        things_with_truth=1,
+        sides=1.0,
         made_with="0",
-    )  # fmt: skip
+    )
     model = DetectorErrorModel(detector=DETECTOR, source=source, names=NameErrorEstimates(**names))
     path = tmp_path / "model.json"
     path.write_text(to_text(model))
@@ -49,8 +54,11 @@ def using(error_model: str):
 def test_a_map_takes_the_numbers_of_its_file(file: str) -> None:
     errors = name_errors(file)
     assert (errors.hit, errors.mistaken, errors.sides_correlate, errors.rival) == (
-        0.7, 0.3, 0.5, 0.6,
-    )  # fmt: skip
+        0.7,
+        0.3,
+        0.5,
+        0.6,
+    )
     assert ObjectMap(using(file))._name_errors == errors
     assert ObjectMap(COMPARED)._name_errors == BROAD_PRIOR
 

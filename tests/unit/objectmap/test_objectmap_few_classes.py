@@ -104,11 +104,18 @@ def test_all_furniture_of_the_simulator_is_furniture_and_no_small_object_is() ->
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
-        ("white kitchen table", True), ("Dining_Table", True), ("table", True), ("tv stand", True),
-        ("window", True), ("shower curtain", True), ("table lamp", False), ("toilet paper", False),
-        ("mug", False), ("", False),
+        ("white kitchen table", True),
+        ("Dining_Table", True),
+        ("table", True),
+        ("tv stand", True),
+        ("window", True),
+        ("shower curtain", True),
+        ("table lamp", False),
+        ("toilet paper", False),
+        ("mug", False),
+        ("", False),
     ],
-)  # fmt: skip
+)
 def test_the_last_words_of_a_name_decide_whether_it_is_furniture(name: str, expected: bool) -> None:
     assert is_furniture(name) is expected
 
@@ -188,8 +195,11 @@ def test_a_search_for_three_classes_gives_the_same_bits_with_a_prior_of_two_and_
     maps = [map_of_table(3.0, 1.5, context=sought(3), settings=s) for s in (two, four)]
     for a, b in zip(maps[0].objects(), maps[1].objects(), strict=True):
         assert (a.id, a.score, a.class_score, a.uncertainty) == (
-            b.id, b.score, b.class_score, b.uncertainty
-        )  # fmt: skip
+            b.id,
+            b.score,
+            b.class_score,
+            b.uncertainty,
+        )
         assert a.probabilities == b.probabilities
     parts = [m.gaussians().concentration for m in maps]
     assert np.array_equal(parts[0], parts[1])

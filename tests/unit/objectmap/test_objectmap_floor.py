@@ -93,8 +93,9 @@ def test_unknown_floor_height_leaves_every_pixel() -> None:
     assert ANYWHERE.furniture_from_m is None
 
 
-@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.floats(0.0, 1.2),
-       st.floats(0.0, 2.0))  # fmt: skip
+@given(
+    st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.floats(0.0, 1.2), st.floats(0.0, 2.0)
+)
 def test_heights_are_those_of_the_lifted_points(
     x: float, y: float, yaw: float, tilt: float, height_m: float
 ) -> None:

@@ -164,8 +164,9 @@ def test_views_from_one_side_count_as_one_side() -> None:
     def nats(eyes: Sequence[int]) -> float:
         noted = ImageTextScores()
         for k, T_world_cam in enumerate(AWAY):
-            noted.note(read(observe(SCENE, T_world_cam), CONTEXT, 1, 0.1, 8.0),
-                       {"table": noisy(0.3, k)})  # fmt: skip
+            noted.note(
+                read(observe(SCENE, T_world_cam), CONTEXT, 1, 0.1, 8.0), {"table": noisy(0.3, k)}
+            )
         for k in eyes:
             T_world_cam = looking_at(*EYES[k], (1.4, 0.0, 0.7))
             noted.note(read(observe(SCENE, T_world_cam), CONTEXT, 1, 0.1, 8.0), {"table": 0.45})

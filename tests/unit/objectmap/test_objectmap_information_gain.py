@@ -47,9 +47,12 @@ def reference(
 
 @settings(max_examples=20, deadline=None)
 @given(
-    scenes(most=25), st.integers(1, 4), st.sampled_from([0.0, 0.5]), st.integers(0, 2**32 - 1),
+    scenes(most=25),
+    st.integers(1, 4),
+    st.sampled_from([0.0, 0.5]),
+    st.integers(0, 2**32 - 1),
     st.booleans(),
-)  # fmt: skip
+)
 def test_expected_scores_and_information_gains_equal_the_papers_formulas(
     scene, classes, other, seed, rendered
 ):
@@ -75,9 +78,12 @@ def test_the_50_50_assumption_expects_less_than_the_optimistic_one():
     n = 20
     means = np.stack([np.zeros(n), np.zeros(n), np.linspace(1, 1.1, n)], axis=1).astype(np.float32)
     member = InstanceEvidence(
-        means, np.full(n, 0.02, np.float32), np.full(n, 0.9, np.float32),
-        np.zeros((n, 2), np.float32), np.zeros(n, np.float32),
-    )  # fmt: skip
+        means,
+        np.full(n, 0.02, np.float32),
+        np.full(n, 0.9, np.float32),
+        np.zeros((n, 2), np.float32),
+        np.zeros(n, np.float32),
+    )
     best, half = (
         what_if(cpu.project, member, 0, [VIEW], EvidenceParameters(1, 3, 1, o), 8.0)[1]
         for o in (0.0, 0.5)
@@ -102,9 +108,12 @@ def test_the_pixels_of_a_what_if_are_the_rendered_coverage_within_reach(rendered
     rng = np.random.default_rng(0)
     means = rng.uniform((-0.3, -0.3, 1.2), (0.3, 0.3, 1.8), (n, 3)).astype(np.float32)
     member = InstanceEvidence(
-        means, np.full(n, 0.03, np.float32), np.full(n, 0.9, np.float32),
-        np.zeros((n, 2), np.float32), np.zeros(n, np.float32),
-    )  # fmt: skip
+        means,
+        np.full(n, 0.03, np.float32),
+        np.full(n, 0.9, np.float32),
+        np.zeros((n, 2), np.float32),
+        np.zeros(n, np.float32),
+    )
     covered = cpu.project(means, member.radius_m, member.opacity, VIEW).render().coverage.sum()
     rates = EvidenceParameters(1.0, 3.0, 1.0)
     (one, two), both = what_if(cpu.project, member, 0, [VIEW, VIEW], rates, 8.0, rendered)

@@ -77,8 +77,10 @@ class Rig:
     def render(self, layer: str, class_name: str = "mug"):
         request = pb.RenderRequest(
             T_world_cam=transform_to_proto(looking_at(0.0, 0.0, MUG_CENTER)),
-            camera=pinhole_to_proto(CAMERA), layer=layer, class_name=class_name,
-        )  # fmt: skip
+            camera=pinhole_to_proto(CAMERA),
+            layer=layer,
+            class_name=class_name,
+        )
         png = self.bus.call(RENDER_OBJECTS, request, 5.0).png
         return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
 
@@ -363,9 +365,12 @@ while True:
 
 def test_a_killed_service_leaves_a_complete_map_file(tmp_path, rig):
     process = subprocess.Popen(
-        [sys.executable, "-c", KILLED, str(tmp_path)], cwd=Path(__file__).parent,
-        stdout=subprocess.PIPE, text=True, env=os.environ | {"NUMBA_NUM_THREADS": "1"},
-    )  # fmt: skip
+        [sys.executable, "-c", KILLED, str(tmp_path)],
+        cwd=Path(__file__).parent,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"NUMBA_NUM_THREADS": "1"},
+    )
     assert process.stdout is not None
     mug = int(process.stdout.readline())
     process.send_signal(signal.SIGKILL)

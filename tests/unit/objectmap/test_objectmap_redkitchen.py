@@ -35,9 +35,14 @@ MODEL = SHARED / "models" / "yolox_nano.onnx"
 
 MUG_A_M, MUG_B_M = np.array([1.80, 0.715, 0.80]), np.array([1.655, -0.265, 0.785])
 THRESHOLDS = {
-    "cup": 0.25, "bowl": 0.25, "microwave": 0.45, "book": 0.25, "dining table": 0.25,
-    "chair": 0.25, "tv": 0.25,
-}  # fmt: skip
+    "cup": 0.25,
+    "bowl": 0.25,
+    "microwave": 0.45,
+    "book": 0.25,
+    "dining table": 0.25,
+    "chair": 0.25,
+    "tv": 0.25,
+}
 CONTEXT = SearchContext(
     "c",
     tuple(

@@ -17,9 +17,12 @@ VIEW = View(60.0, 60.0, 23.5, 17.5, 48, 36, np.eye(4))
 def appended(store: GaussianStore, means, radius_m: float = 0.01) -> slice:
     n = len(means)
     return store.append(
-        np.asarray(means, np.float32), np.full(n, radius_m, np.float32), 0.9,
-        np.zeros((n, 3), np.uint8), 0,
-    )  # fmt: skip
+        np.asarray(means, np.float32),
+        np.full(n, radius_m, np.float32),
+        0.9,
+        np.zeros((n, 3), np.uint8),
+        0,
+    )
 
 
 class Groups(RuleBasedStateMachine):

@@ -70,10 +70,11 @@ class Robot:
         for seq, (x, y) in enumerate(views):
             seen = observe(SCENE, looking_at(x, y, MUG), seq=seq + 1, called=called)
             frame = replace(
-                seen.frame, id=replace(seen.frame.id, robot_boot_id=self.boot),
+                seen.frame,
+                id=replace(seen.frame.id, robot_boot_id=self.boot),
                 T_world_cam=T_now_home @ seen.frame.T_world_cam,
                 T_world_base=T_now_home @ seen.frame.T_world_base,
-            )  # fmt: skip
+            )
             self.bus.publish(OBSERVATION, observation_to_proto(replace(seen, frame=frame)))
         return self
 
@@ -95,9 +96,10 @@ class Robot:
     def is_told(self, state: str, stored: str = "monday") -> None:
         """map2d publishes the place of the stored map."""
         place = pb.Relocalisation(
-            state=state, stored=pb.WorldName(robot_boot_id=stored),
+            state=state,
+            stored=pb.WorldName(robot_boot_id=stored),
             present=pb.WorldName(robot_boot_id=self.boot),
-        )  # fmt: skip
+        )
         if state != "unknown":
             x, y = T_NOW_HOME[:2, 3]
             place.T_present_stored.CopyFrom(pb.Pose2(x_m=x, y_m=y, yaw_rad=math.pi / 2))

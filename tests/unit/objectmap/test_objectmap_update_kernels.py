@@ -161,11 +161,15 @@ def vote_of_one_view(store: GaussianStore, rows, shown: VisiblePoints) -> None:
     kappa = shown.labels[:, None] == [0, *(1 + i for i in known)]
     kappa[:, 0] |= ~kappa.any(axis=1)
     viewing_sectors.add_votes(
-        store, rows[shown.points], kappa.astype(np.float32),
+        store,
+        rows[shown.points],
+        kappa.astype(np.float32),
         [store.class_names.index(shown.past.names[i]) for i in known],
         np.tile(shown.past.weights[known], (len(shown.points), 1)),
-        shown.past.view.T_world_cam[:3, 3], 6.0, 6.0,
-    )  # fmt: skip
+        shown.past.view.T_world_cam[:3, 3],
+        6.0,
+        6.0,
+    )
 
 
 # --- geometry -------------------------------------------------------------------------------------
@@ -275,10 +279,12 @@ def assert_same_names(named, keys: set[int], class_name: str, noted) -> None:
     views = []
     for eye, detections in noted:
         shared = [
-            (name, len(now & keys)) for name, all_voxels, now in detections
-            if now & keys and is_furniture(name) == is_furniture(class_name)
+            (name, len(now & keys))
+            for name, all_voxels, now in detections
+            if now & keys
+            and is_furniture(name) == is_furniture(class_name)
             and len(now & keys) >= OWN_OVERLAP * min(len(all_voxels), len(keys))
-        ]  # fmt: skip
+        ]
         if shared:
             largest = max(n for _, n in shared)
             views.append((eye, {name for name, n in shared if n >= LEAST_OF_LARGEST * largest}))

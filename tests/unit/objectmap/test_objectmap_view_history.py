@@ -89,9 +89,11 @@ def test_views_from_spots_of_an_earlier_search_count_for_a_class_that_is_new() -
     around, found = EYES[:3], [EYES[3]]
     named = [NOTHING] * 3 + [{3: "cup"}]
     twice = map_after_views(
-        [NOTHING] * 3 + named, LOOKING_BACK, [mug_sought] * 3 + [cup_sought] * 4,
+        [NOTHING] * 3 + named,
+        LOOKING_BACK,
+        [mug_sought] * 3 + [cup_sought] * 4,
         [*around, *around, *found],
-    )  # fmt: skip
+    )
     once = map_after_views(named, LOOKING_BACK, [cup_sought] * 4, [*around, *found])
     (cup,) = (o.score for o in twice.objects() if o.class_name == "cup")
     assert [cup] == [o.score for o in once.objects() if o.class_name == "cup"]

@@ -34,9 +34,12 @@ def store_of(means, classes=1) -> GaussianStore:
     for c in range(classes):
         store.column(f"c{c}")
     store.append(
-        np.asarray(means, np.float32), np.full(len(means), 0.01, np.float32), 0.9,
-        np.zeros((len(means), 3), np.uint8), 0,
-    )  # fmt: skip
+        np.asarray(means, np.float32),
+        np.full(len(means), 0.01, np.float32),
+        0.9,
+        np.zeros((len(means), 3), np.uint8),
+        0,
+    )
     return store
 
 
@@ -195,9 +198,12 @@ def test_a_joint_prediction_equals_the_real_views_and_is_at_most_the_sum_of_sing
     views = [(k, np.ones((n, 1), np.float32), e) for k, _, e in views_of(rng, n, 1, count, 0.5)]
     before = store.total_evidence[:, 0].copy()
     alone, together = expected_new_votes(
-        store.votes[:, 0, :, 1], store.means, [k.sum(axis=1) for k, _, _ in views],
-        [e for _, _, e in views], FULL,
-    )  # fmt: skip
+        store.votes[:, 0, :, 1],
+        store.means,
+        [k.sum(axis=1) for k, _, _ in views],
+        [e for _, _, e in views],
+        FULL,
+    )
     for view in views:
         take(store, view)
     assert np.allclose(

@@ -17,9 +17,16 @@ CELL_M = 0.025
 TALL_M = 1.3  # an obstacle of at least this height hides what is behind it
 CAMERA = Pinhole(fx=554.0, fy=554.0, cx=320.0, cy=240.0, width=640, height=480)
 ROBOT = RobotDescription(
-    name="fake", footprint_radius_m=0.3, height_m=1.4, camera=CAMERA, camera_height_m=1.31,
-    reach_m=0.8, max_depth_m=5.0, tilt_range_rad=(-0.5, 1.2), simulated=True,
-)  # fmt: skip
+    name="fake",
+    footprint_radius_m=0.3,
+    height_m=1.4,
+    camera=CAMERA,
+    camera_height_m=1.31,
+    reach_m=0.8,
+    max_depth_m=5.0,
+    tilt_range_rad=(-0.5, 1.2),
+    simulated=True,
+)
 
 
 def floor_seen(
@@ -44,9 +51,15 @@ def floor_seen(
 
 @njit(cache=True)
 def _look_along(
-    tall: NDArray[np.bool_], x_m: float, y_m: float, cos: NDArray[np.float64],
-    sin: NDArray[np.float64], ranges: NDArray[np.float64], near_m: float, seen: NDArray[np.bool_],
-) -> None:  # fmt: skip
+    tall: NDArray[np.bool_],
+    x_m: float,
+    y_m: float,
+    cos: NDArray[np.float64],
+    sin: NDArray[np.float64],
+    ranges: NDArray[np.float64],
+    near_m: float,
+    seen: NDArray[np.bool_],
+) -> None:
     """Mark in `seen` the cells on each ray, up to just behind the first tall cell."""
     rows, columns = tall.shape
     for a in range(cos.size):
@@ -68,9 +81,9 @@ def under_robot(shape: tuple[int, int], pose: Pose2) -> NDArray[np.bool_]:
     rows = np.arange(max(0, row - around), min(shape[0], row + around))
     columns = np.arange(max(0, column - around), min(shape[1], column + around))
     under = np.zeros(shape, bool)
-    under[np.ix_(rows, columns)] = np.hypot(
-        columns[None] * CELL_M - pose.x_m, rows[:, None] * CELL_M - pose.y_m
-    ) < 0.35  # fmt: skip
+    under[np.ix_(rows, columns)] = (
+        np.hypot(columns[None] * CELL_M - pose.x_m, rows[:, None] * CELL_M - pose.y_m) < 0.35
+    )
     return under
 
 
@@ -82,8 +95,7 @@ def sees(top_m: NDArray[np.float32], pose: Pose2, point: NDArray[np.float64]) ->
     n = max(2, int(d / (CELL_M * 0.5)))
     s = np.linspace(0, 0.97, n)
     x, y = pose.x_m + (point[0] - pose.x_m) * s, pose.y_m + (point[1] - pose.y_m) * s
-    return not (top_m[(y / CELL_M).astype(int), (x / CELL_M).astype(int)]
-                >= TALL_M).any()  # fmt: skip
+    return not (top_m[(y / CELL_M).astype(int), (x / CELL_M).astype(int)] >= TALL_M).any()
 
 
 def frontiers_of(known: NDArray[np.bool_], top_m: NDArray[np.float32]) -> list[Frontier]:
@@ -97,8 +109,7 @@ def frontiers_of(known: NDArray[np.bool_], top_m: NDArray[np.float32]) -> list[F
         if stats[k, cv2.CC_STAT_AREA] * CELL_M < 0.4:
             continue
         cells = np.argwhere(labels == k)
-        r, c = cells[np.argmin(np.hypot(cells[:, 1] - middles[k][0],
-                                        cells[:, 0] - middles[k][1]))]  # fmt: skip
+        r, c = cells[np.argmin(np.hypot(cells[:, 1] - middles[k][0], cells[:, 0] - middles[k][1]))]
         xy = ((c + 0.5) * CELL_M, (r + 0.5) * CELL_M)
         size = float(stats[k, cv2.CC_STAT_AREA] * CELL_M)
         out.append(Frontier(k, xy, size, {"pick": 0.2, "place": 0.2}))

@@ -99,8 +99,10 @@ class Peers:
         bus.serve(WHAT_IF, self._what_if)
         bus.serve(RETIRE, self._retire)
         bus.serve(HELD_OBJECT, self._held_object)
-        bus.serve(VOCABULARY, lambda _: pb.VocabularyReply(
-            open=not self.names, names=self.names, detector="fake"))  # fmt: skip
+        bus.serve(
+            VOCABULARY,
+            lambda _: pb.VocabularyReply(open=not self.names, names=self.names, detector="fake"),
+        )
         bus.publish(ROBOT_DESCRIPTION, description_to_proto(world.description))
 
     def _on_context(self, context: pb.SearchContext) -> None:
@@ -118,11 +120,15 @@ class Peers:
     def _state(self) -> RobotState:
         w = self.world
         return RobotState(
-            w.pose().T_world_base, w.tilt_rad(), w.held(), stopped=self.stopped,
-            robot_boot_id=self.boot, world_epoch=self.world_epoch,
+            w.pose().T_world_base,
+            w.tilt_rad(),
+            w.held(),
+            stopped=self.stopped,
+            robot_boot_id=self.boot,
+            world_epoch=self.world_epoch,
             message="a person" if self.stopped else "",
             last_action_id=next(reversed(self.done), ""),
-        )  # fmt: skip
+        )
 
     def _act(self, request: pb.ActionRequest) -> pb.ActionResult:
         if request.action_id in self.done:
@@ -142,14 +148,20 @@ class Peers:
         self.done[request.action_id] = out
         if "detections" not in self.silent:
             self._observe()
-        for part, topic in (("occupancy", MAP2D_ACK), ("value", MAP2D_ACK),
-                            ("objects", OBJECTMAP_ACK)):  # fmt: skip
+        for part, topic in (
+            ("occupancy", MAP2D_ACK),
+            ("value", MAP2D_ACK),
+            ("objects", OBJECTMAP_ACK),
+        ):
             if part not in self.silent:
                 reason = self.refusing.get(part, "")
                 ack = pb.Ack(
-                    part=part, id=out.keyframe, accepted=not reason, reason=reason,
+                    part=part,
+                    id=out.keyframe,
+                    accepted=not reason,
+                    reason=reason,
                     context_id=self.context.id,
-                )  # fmt: skip
+                )
                 self.bus.publish(topic, ack)
         return out
 
@@ -188,9 +200,11 @@ class Peers:
             request.object_id, request.class_name, poses, request.joint, request.other_share
         )
         return pb.WhatIfReply(
-            score=out.scores, information_gain=out.gains_nats, pixels=out.pixels,
+            score=out.scores,
+            information_gain=out.gains_nats,
+            pixels=out.pixels,
             area_m2=out.area_m2,
-        )  # fmt: skip
+        )
 
     def _held_object(self, request: pb.HeldObjectRequest) -> pb.HeldObjectReply:
         held = self.world.held_object(request.class_name)

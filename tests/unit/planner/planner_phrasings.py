@@ -435,10 +435,16 @@ def rows(table: str) -> list[tuple[str, ...]]:
     """Split a table into cells; its escapes are those of Python."""
     out = []
     for line in table.splitlines()[1:]:
-        for escape, letter in (("\\u200b", "\u200b"), ("\\u00ad", "\u00ad"), ("\\n", "\n"),
-                               ("\\u2212", "\u2212"), ("\\u00a0", "\u00a0"),
-                               ("\\u2003", "\u2003"), ("\\t", "\t"),
-                               ("\\u0301", "\u0301")):  # fmt: skip
+        for escape, letter in (
+            ("\\u200b", "\u200b"),
+            ("\\u00ad", "\u00ad"),
+            ("\\n", "\n"),
+            ("\\u2212", "\u2212"),
+            ("\\u00a0", "\u00a0"),
+            ("\\u2003", "\u2003"),
+            ("\\t", "\t"),
+            ("\\u0301", "\u0301"),
+        ):
             line = line.replace(escape, letter)
         text, *cells = line.split("|")
         out.append((text.rstrip(" "), *(cell.strip() for cell in cells)))

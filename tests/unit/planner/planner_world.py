@@ -79,8 +79,10 @@ class FakeWorld(RobotInterface):
         self.truth_top[[0, -1]], self.truth_top[:, [0, -1]] = 2.5, 2.5
         self.seen_top[:] = self.truth_top
         for b in self.boxes:
-            at = np.s_[round(b.y0 / CELL_M) : round(b.y1 / CELL_M),
-                       round(b.x0 / CELL_M) : round(b.x1 / CELL_M)]  # fmt: skip
+            at = np.s_[
+                round(b.y0 / CELL_M) : round(b.y1 / CELL_M),
+                round(b.x0 / CELL_M) : round(b.x1 / CELL_M),
+            ]
             self.truth_top[at] = np.maximum(self.truth_top[at], b.top_m)
             if not b.hidden:
                 self.seen_top[at] = np.maximum(self.seen_top[at], b.top_m)
@@ -170,12 +172,12 @@ class FakeWorld(RobotInterface):
             if t is not self._held and sees(self.seen_top, p, t.center_m):
                 eye_m = np.array([p.x_m, p.y_m, height_m])
                 aside = abs(p.bearing_rad(t.center_m)) > 0.9 * CAMERA.hfov_rad / 2
-                self._reported.append(
-                    sighting_of(t.class_name, 0.6, corners_of(t), eye_m, aside)
-                )  # fmt: skip
+                self._reported.append(sighting_of(t.class_name, 0.6, corners_of(t), eye_m, aside))
                 here = (p.x_m, p.y_m, p.yaw_rad)
-                if all(math.dist(v[:2], here[:2]) > 0.08 or abs(wrap_angle(v[2] - here[2])) > 0.07
-                       for v in t.views):  # fmt: skip
+                if all(
+                    math.dist(v[:2], here[:2]) > 0.08 or abs(wrap_angle(v[2] - here[2])) > 0.07
+                    for v in t.views
+                ):
                     t.views.append(here)
 
     # --- robot interface -----------------------------------------------------------------------

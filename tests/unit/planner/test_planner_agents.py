@@ -164,9 +164,7 @@ def walk(agent: AgentName, seed: int) -> list[tuple[float, float]]:
     world.max_steps = 90
     with pytest.raises(TaskFailed):
         run(world, agent, agent_seed=seed)
-    return [
-        d.chosen.position_m[:2] for d in world.decisions if d.do is Do.GO_TO_FRONTIER
-    ]  # fmt: skip
+    return [d.chosen.position_m[:2] for d in world.decisions if d.do is Do.GO_TO_FRONTIER]
 
 
 def test_random_walks_are_equal_for_one_seed_and_differ_between_seeds() -> None:

@@ -57,8 +57,11 @@ def test_a_goal_without_a_path_is_soon_reported_unreachable() -> None:
 
 
 def test_a_visible_but_unreachable_mug_fails_the_task_with_a_cause() -> None:
-    fence = [Box(5.6, 4.5, 8.4, 4.7, 0.6), Box(5.6, 4.5, 5.8, 6.9, 0.6),
-             Box(8.2, 4.5, 8.4, 6.9, 0.6)]  # fmt: skip
+    fence = [
+        Box(5.6, 4.5, 8.4, 4.7, 0.6),
+        Box(5.6, 4.5, 5.8, 6.9, 0.6),
+        Box(8.2, 4.5, 8.4, 6.9, 0.6),
+    ]
     world = flat([coffee_table(), counter(), mug()], extra=fence)
     with pytest.raises(TaskFailed) as failure:
         bring(world, rounds=1)

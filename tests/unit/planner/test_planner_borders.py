@@ -60,10 +60,14 @@ def test_floor_is_counted_in_square_metres() -> None:
 
 
 @given(
-    hnp.arrays(np.int8, hnp.array_shapes(min_dims=2, max_dims=2, max_side=12),
-               elements=st.sampled_from([-1, 0, 100])),
-    st.floats(0.0, 1.0), st.floats(0.0, 0.1),
-)  # fmt: skip
+    hnp.arrays(
+        np.int8,
+        hnp.array_shapes(min_dims=2, max_dims=2, max_side=12),
+        elements=st.sampled_from([-1, 0, 100]),
+    ),
+    st.floats(0.0, 1.0),
+    st.floats(0.0, 0.1),
+)
 def test_every_border_of_any_map_lies_on_free_floor(
     occupancy: np.ndarray, least_m: float, speck_m2: float
 ) -> None:

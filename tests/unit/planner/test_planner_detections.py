@@ -36,9 +36,14 @@ def observation_of(point_m: np.ndarray, T_world_cam: np.ndarray, half_px: int = 
 
 
 @given(
-    st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.1, 3.1), st.floats(0, 0.8),
-    st.floats(0.5, 4.0), st.floats(-0.4, 0.4), st.floats(-0.3, 0.3),
-)  # fmt: skip
+    st.floats(-3, 3),
+    st.floats(-3, 3),
+    st.floats(-3.1, 3.1),
+    st.floats(0, 0.8),
+    st.floats(0.5, 4.0),
+    st.floats(-0.4, 0.4),
+    st.floats(-0.3, 0.3),
+)
 def test_a_lifted_mask_lies_at_the_position_of_the_object(
     x: float, y: float, yaw: float, tilt: float, away: float, left: float, down: float
 ) -> None:

@@ -42,8 +42,14 @@ class LookAlike(Thing):
 
 def test_nothing_is_placed_on_a_receptacle_that_is_doubted_from_near() -> None:
     """From afar the bed is classified as a counter."""
-    bed = LookAlike(4, "counter", np.array([7.8, 1.0, 0.45]), np.array([2.0, 1.8, 0.1]),
-                    graspable=False, near_m=2.4)  # fmt: skip
+    bed = LookAlike(
+        4,
+        "counter",
+        np.array([7.8, 1.0, 0.45]),
+        np.array([2.0, 1.8, 0.1]),
+        graspable=False,
+        near_m=2.4,
+    )
     world = flat([coffee_table(), counter(), mug(), bed])
     bring(world)
     assert bed.near_views()
@@ -86,8 +92,14 @@ def test_a_failed_pick_is_given_up_for_the_reason_that_the_robot_gave() -> None:
 
 
 def test_the_reason_for_giving_up_a_receptacle_is_recorded_and_reported() -> None:
-    bed = LookAlike(4, "counter", np.array([7.8, 1.0, 0.45]), np.array([2.0, 1.8, 0.1]),
-                    graspable=False, near_m=2.4)  # fmt: skip
+    bed = LookAlike(
+        4,
+        "counter",
+        np.array([7.8, 1.0, 0.45]),
+        np.array([2.0, 1.8, 0.1]),
+        graspable=False,
+        near_m=2.4,
+    )
     world = flat([coffee_table(), counter(), mug(), bed])
     bring(world)
     assert given_up(world)[0].startswith("give up placing on the counter: from near its score is")

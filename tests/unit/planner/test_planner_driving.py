@@ -137,8 +137,9 @@ def test_a_lease_that_is_lost_while_the_robot_is_driven_is_reported() -> None:
     WAITED.clear()
     drive(robot, 2)
     assert WAITED == [
-        "the bridge: lease 1 is not the present one (a person has it); ask for a new one", None
-    ]  # fmt: skip
+        "the bridge: lease 1 is not the present one (a person has it); ask for a new one",
+        None,
+    ]
 
 
 def test_a_task_waits_as_long_as_another_client_drives_the_robot() -> None:

@@ -55,8 +55,9 @@ def test_values_and_winners_of_random_states_equal_equations_8_to_10(seed, alpha
     decision = by_objective(
         [ReceptacleOption(thing(k), s, ig, m) for k, (s, ig, m) in enumerate(places.tolist())],
         [FrontierOption(k, (0.0, 0.0), *map(float, row)) for k, row in enumerate(borders)],
-        memory, alpha_d,
-    )  # fmt: skip
+        memory,
+        alpha_d,
+    )
     scale = reference_scale(seen, chosen, alpha_d)
     wanted = np.concatenate(
         [
@@ -93,11 +94,13 @@ def test_actions_of_random_states_equal_the_papers_rule(seed, tau, tau_inc):
     after[rng.random(n) < 0.3] = np.nan
     options = [
         ViewOption(
-            replace(thing(k), score=float(psi[k])), float(psi[k]),
-            None if np.isnan(after[k]) else float(after[k]), 1.0,
+            replace(thing(k), score=float(psi[k])),
+            float(psi[k]),
+            None if np.isnan(after[k]) else float(after[k]),
+            1.0,
         )
         for k in range(n)
-    ]  # fmt: skip
+    ]
     decision = act_or_look(options, tau, tau_inc, "object", Act.PICK)
     assert (decision.do, decision.winner) == reference_action(psi, after, tau, tau_inc)
 

@@ -18,8 +18,14 @@ places = st.none() | st.floats(0.05, 1.0)
 
 def mug_candidate(score: float, after: float | None, place: float | None) -> Candidate:
     factor = 1.0 if place is None else place
-    terms = {"score": score, "class_score": 0.6, "uncertainty": 0.1, "views": 3.0,
-             "in_place": 1.0, "total": score * factor}  # fmt: skip
+    terms = {
+        "score": score,
+        "class_score": 0.6,
+        "uncertainty": 0.1,
+        "views": 3.0,
+        "in_place": 1.0,
+        "total": score * factor,
+    }
     terms |= {} if after is None else {"score_after_view": after}
     terms |= {} if place is None else {"place": place}
     return Candidate("object", "mug", (0.0, 0.0, 0.0), terms, 1)

@@ -43,9 +43,15 @@ yaws = st.floats(-math.pi, math.pi)
 
 def described(footprint_m: float) -> RobotDescription:
     return RobotDescription(
-        name="any", camera=CAMERA, footprint_radius_m=footprint_m, height_m=1.4,
-        camera_height_m=1.3, camera_forward_m=0.1, reach_m=0.9, max_depth_m=5.0,
-    )  # fmt: skip
+        name="any",
+        camera=CAMERA,
+        footprint_radius_m=footprint_m,
+        height_m=1.4,
+        camera_height_m=1.3,
+        camera_forward_m=0.1,
+        reach_m=0.9,
+        max_depth_m=5.0,
+    )
 
 
 @st.composite
@@ -201,10 +207,15 @@ def test_the_width_of_the_blind_zone_is_never_negative(
 ) -> None:
     assume(low_rad + range_rad < math.pi / 2)
     robot = RobotDescription(
-        name="any", camera=CAMERA, footprint_radius_m=footprint_m, height_m=2.0,
-        camera_height_m=height_m, reach_m=0.9, max_depth_m=5.0,
+        name="any",
+        camera=CAMERA,
+        footprint_radius_m=footprint_m,
+        height_m=2.0,
+        camera_height_m=height_m,
+        reach_m=0.9,
+        max_depth_m=5.0,
         tilt_range_rad=(low_rad, low_rad + range_rad),
-    )  # fmt: skip
+    )
     assert blind_m(robot) >= 0  # inf: the camera never sees the floor
 
 

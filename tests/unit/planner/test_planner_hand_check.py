@@ -111,8 +111,10 @@ def test_the_right_object_is_shown_from_all_sides_and_kept() -> None:
     assert angles == pytest.approx([k * 1.0472 for k in range(6)], abs=1e-3)
     assert world.phases.count(Phase.FIND_OBJECT) == 1  # the look belongs to the pick
     (kept,) = [d for d in world.decisions if d.rule == DecisionRule.IN_HAND]
-    assert kept.why == "keep the mug: 6 sides in the hand show mug on 83% and glass on 17%; " \
-        "probability 0.99"  # fmt: skip
+    assert (
+        kept.why == "keep the mug: 6 sides in the hand show mug on 83% and glass on 17%; "
+        "probability 0.99"
+    )
 
 
 @pytest.mark.parametrize("settings", [{"hand_sides": 0}, {"max_picks": 1}])

@@ -54,8 +54,10 @@ def test_agents_without_an_object_map_look_around_completely() -> None:
 def test_a_candidate_of_a_stored_map_needs_no_surplus_over_the_threshold() -> None:
     # tau_b is 0.5, and 1.4 tau_b is 0.7
     for score, relocalised, wanted in (
-        (0.55, False, Do.SEARCH_ON), (0.55, True, Do.ACT), (0.45, True, Do.SEARCH_ON),
-    ):  # fmt: skip
+        (0.55, False, Do.SEARCH_ON),
+        (0.55, True, Do.ACT),
+        (0.45, True, Do.SEARCH_ON),
+    ):
         rig = Rig(Looks([]))
         rig.known = [replace(instance(counter(), score=score), relocalised=relocalised)]
         search = ReceptacleSearch(rig.tools, "counter", None, patient)

@@ -57,8 +57,11 @@ def after(pose: Pose2, move: Forward | Turn, share: float = 1.0) -> Pose2:
     if isinstance(move, Turn):
         return Pose2(pose.x_m, pose.y_m, pose.yaw_rad + share * move.angle_rad)
     away = share * move.distance_m
-    return Pose2(pose.x_m + away * math.cos(pose.yaw_rad),
-                 pose.y_m + away * math.sin(pose.yaw_rad), pose.yaw_rad)  # fmt: skip
+    return Pose2(
+        pose.x_m + away * math.cos(pose.yaw_rad),
+        pose.y_m + away * math.sin(pose.yaw_rad),
+        pose.yaw_rad,
+    )
 
 
 @pytest.mark.parametrize(("door_m", "passes"), [(0.6, False), (0.8, True), (0.9, True)])
@@ -201,8 +204,7 @@ class BoxWorld(FakeWorld):
                 return ActionResult(False, "touched something", collided=True)
         before, self._pose = self._pose, after(self._pose, action)
         moved_m = before.distance_m(self._pose.xy)
-        return ActionResult(True, moved_m=moved_m,
-                            turned_rad=getattr(action, "angle_rad", 0.0))  # fmt: skip
+        return ActionResult(True, moved_m=moved_m, turned_rad=getattr(action, "angle_rad", 0.0))
 
 
 def test_a_box_drives_through_an_unknown_home_without_contact() -> None:

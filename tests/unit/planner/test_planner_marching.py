@@ -87,8 +87,9 @@ def test_a_descent_never_cuts_a_corner() -> None:
 
 def least_crossed(field: NDArray[np.float32], path: NDArray[np.float64]) -> float:
     """Return the least value of the cells on a path [n, 2] (rows, columns, not rounded)."""
-    dense = np.concatenate([a + (b - a) * np.linspace(0, 1, 200)[:, None]
-                            for a, b in itertools.pairwise(path)])  # fmt: skip
+    dense = np.concatenate(
+        [a + (b - a) * np.linspace(0, 1, 200)[:, None] for a, b in itertools.pairwise(path)]
+    )
     cells = np.floor(dense).astype(int)
     return float(field[cells[:, 0], cells[:, 1]].min())
 

@@ -35,8 +35,12 @@ def test_a_robot_that_does_not_move_on_command_is_stuck(kind: type[Action]) -> N
 
 
 def test_a_wedged_robot_looks_around_and_then_fails_the_task() -> None:
-    cell = [Box(1.0, 1.0, 2.0, 1.15, 1), Box(1.0, 1.85, 2.0, 2.0, 1),
-            Box(1.0, 1.0, 1.15, 2.0, 1), Box(1.85, 1.0, 2.0, 2.0, 1)]  # fmt: skip
+    cell = [
+        Box(1.0, 1.0, 2.0, 1.15, 1),
+        Box(1.0, 1.85, 2.0, 2.0, 1),
+        Box(1.0, 1.0, 1.15, 2.0, 1),
+        Box(1.85, 1.0, 2.0, 2.0, 1),
+    ]
     world = flat(start=Pose2(1.5, 1.5, 0.0), extra=cell)
     base = legs_in(world)
     before = len(world.log)

@@ -222,9 +222,12 @@ def test_an_interrupted_mission_resumes_where_it_was_cut_off(text: str) -> None:
 
 # --- pure ---------------------------------------------------------------------------------------
 @given(
-    st.integers(1, 30), st.integers(1, 30), st.floats(-5, 5), st.floats(-5, 5),
+    st.integers(1, 30),
+    st.integers(1, 30),
+    st.floats(-5, 5),
+    st.floats(-5, 5),
     st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), max_size=4),
-)  # fmt: skip
+)
 def test_a_padded_map_covers_the_point_and_keeps_the_known_cells(
     rows: int, columns: int, x_m: float, y_m: float, walls: list[tuple[float, float]]
 ) -> None:

@@ -155,8 +155,9 @@ def test_sight_begins_at_the_camera_and_not_at_the_base() -> None:
     ground.top_m[round(1.5 / CELL_M), round(1.3 / CELL_M)] = 1.4
     stand, target = Pose2(1.0, 1.5, 0.0), (2.2, 1.5, 0.7)
     by_hand = replace(ROBOT, camera_forward_m=0.5)
-    seen = [in_sight(ground, eye_of(stand, robot), 1.3, target, 0.15, 2.0)
-            for robot in (ROBOT, by_hand)]  # fmt: skip
+    seen = [
+        in_sight(ground, eye_of(stand, robot), 1.3, target, 0.15, 2.0) for robot in (ROBOT, by_hand)
+    ]
     assert seen == [False, True]
 
 

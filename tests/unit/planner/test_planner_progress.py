@@ -24,9 +24,11 @@ events = st.one_of(
 
 @settings(deadline=None)
 @given(
-    st.sampled_from(Kind), st.integers(1, 400), st.lists(events, max_size=120),
+    st.sampled_from(Kind),
+    st.integers(1, 400),
+    st.lists(events, max_size=120),
     st.floats(0.0, 1000.0),
-)  # fmt: skip
+)
 def test_progress_never_falls_and_every_time_range_is_valid(
     kind: Kind, max_steps: int, reported: list[tuple[str, object]], left_s: float
 ) -> None:

@@ -59,8 +59,9 @@ def test_the_queue_is_ordered_by_priority_and_then_by_submission(start: Start) -
     ids = [bus.call(SUBMIT, request, 5).id for request in asked]
     reported = bus.call(LIST_TASKS, pb.Empty(), 5).tasks
     assert {t.id: t.priority for t in reported} == {
-        first: 0, **dict(zip(ids, (0, -5, 7, 0), strict=True))
-    }  # fmt: skip
+        first: 0,
+        **dict(zip(ids, (0, -5, 7, 0), strict=True)),
+    }
     peers.gate.set()
     ended(bus, ids[1])
     assert list(dict.fromkeys(begun)) == [first, ids[2], ids[0], ids[3], ids[1]]
@@ -71,10 +72,12 @@ def test_an_interrupted_task_comes_before_queued_tasks_of_higher_priority() -> N
     tasks = {
         name: Task(name, MOVE, move, state, 100, 0.0, priority=priority)
         for name, state, priority in (
-            ("first", State.QUEUED, 0), ("urgent", State.QUEUED, 9), ("cut off", State.RUNNING, 0),
+            ("first", State.QUEUED, 0),
+            ("urgent", State.QUEUED, 9),
+            ("cut off", State.RUNNING, 0),
             ("held", State.PAUSED, -1),
         )
-    }  # fmt: skip
+    }
     service = SimpleNamespace(_registry=SimpleNamespace(known=tasks.__getitem__))
     order = sorted(tasks, key=partial(PlannerService._rank, cast(Any, service)), reverse=True)
     assert order == ["cut off", "held", "urgent", "first"]

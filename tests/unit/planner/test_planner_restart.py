@@ -30,8 +30,9 @@ def cut_off(world: FakeWorld, after: int, agent: str = "helios-paper") -> dict:
     return json.loads(json.dumps(first.checkpoint()))
 
 
-def last_action(action: Action | None = None, succeeded: bool | None = True, held: str = "",
-                reason: str = "") -> LastAction:  # fmt: skip
+def last_action(
+    action: Action | None = None, succeeded: bool | None = True, held: str = "", reason: str = ""
+) -> LastAction:
     return LastAction(action, succeeded, reason, held)
 
 

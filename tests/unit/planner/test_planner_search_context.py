@@ -47,8 +47,12 @@ def test_margins_that_are_no_distances_are_refused_with_what_came(margins_m: tup
 @pytest.mark.parametrize("name", ["tau_g", "tau_b"])
 def test_no_threshold_can_be_as_low_as_that_of_the_last_resort(name: str) -> None:
     lowest = Settings(tau_g=LEAST_TAU, tau_b=LEAST_TAU)
-    steps = [t.score for rule in (paper, patient) for known in (True, False)
-             for t in rule(getattr(lowest, name), known).steps]  # fmt: skip
+    steps = [
+        t.score
+        for rule in (paper, patient)
+        for known in (True, False)
+        for t in rule(getattr(lowest, name), known).steps
+    ]
     assert min(steps) > ANY_SCORE
     with pytest.raises(ValidationError, match=r"greater than or equal to -0\.5"):
         Settings.model_validate({name: ANY_SCORE})

@@ -17,8 +17,12 @@ from helios_planner.tasks.mission import Mission
 from planner_flat import coffee_table, counter, flat, mug
 
 
-def instance(name: str, center: tuple[float, float, float], size: tuple[float, float, float],
-             class_score: float = 0.57) -> ObjectInstance:  # fmt: skip
+def instance(
+    name: str,
+    center: tuple[float, float, float],
+    size: tuple[float, float, float],
+    class_score: float = 0.57,
+) -> ObjectInstance:
     return ObjectInstance(
         id=1, class_name=name, center_m=np.array(center), size_m=np.array(size), score=0.4,
         class_score=class_score, uncertainty=0.17, views=1, gaussians=50, probabilities={},

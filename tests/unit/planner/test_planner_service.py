@@ -30,8 +30,10 @@ def test_a_task_succeeds_and_its_decisions_have_reasons(start: Start) -> None:
     assert all(d.why and d.rule and d.context_id == done.context_id for d in reported)
     assert any("pick" in d.rule for d in reported)
     assert {c.role for c in peers.context.classes} == {
-        "object", "start_receptacle", "goal_receptacle"
-    }  # fmt: skip
+        "object",
+        "start_receptacle",
+        "goal_receptacle",
+    }
     assert peers.context.prompts["pick"] == "Seems like there is a coffee table ahead"
 
 

@@ -47,8 +47,12 @@ def test_a_journal_entry_is_read_back_unchanged(tmp_path: Path) -> None:
         again = store.entry("a")
         assert again is not None
         assert (again.life, again.request, again.result, again.checkpoint, again.epoch) == (
-            entry.life, entry.request, entry.result, entry.checkpoint, entry.epoch
-        )  # fmt: skip
+            entry.life,
+            entry.request,
+            entry.result,
+            entry.checkpoint,
+            entry.epoch,
+        )
     store.finish(pb.Task(id="a", state="failed"))
     assert store.entry("a") is None
     store.close()

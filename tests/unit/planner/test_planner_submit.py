@@ -58,12 +58,17 @@ def test_the_settings_of_a_task_do_not_apply_to_the_next_task(start: Start) -> N
 
 @pytest.mark.parametrize(
     ("name", "text", "says"),
-    [("ack_timeout_s", "9", "choose among alpha_d"), ("alpha_d", "much", "alpha_d is 'much'"),
-     ("alpha_d", "-1", "alpha_d is '-1'"), ("tau_g", "nan", "tau_g is .nan."),
-     ("cs_g", "nan", "at most 1000000000"), ("alpha_d", "1e999", "at most 1000000000"),
-     ("rounds", "9" * 30, "at most 1000000000"),
-     ("gain_norm", "none", "gain_norm is 'none'")],
-)  # fmt: skip
+    [
+        ("ack_timeout_s", "9", "choose among alpha_d"),
+        ("alpha_d", "much", "alpha_d is 'much'"),
+        ("alpha_d", "-1", "alpha_d is '-1'"),
+        ("tau_g", "nan", "tau_g is .nan."),
+        ("cs_g", "nan", "at most 1000000000"),
+        ("alpha_d", "1e999", "at most 1000000000"),
+        ("rounds", "9" * 30, "at most 1000000000"),
+        ("gain_norm", "none", "gain_norm is 'none'"),
+    ],
+)
 def test_an_invalid_setting_is_refused_by_name(
     start: Start, name: str, text: str, says: str
 ) -> None:

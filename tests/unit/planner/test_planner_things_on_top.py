@@ -42,9 +42,12 @@ def ground(*boxes: tuple[float, float, float, float, float]) -> GroundMap:
 
 
 @given(
-    x=st.integers(44, 70), y=st.integers(44, 55), wide=st.integers(2, 6), deep=st.integers(2, 6),
+    x=st.integers(44, 70),
+    y=st.integers(44, 55),
+    wide=st.integers(2, 6),
+    deep=st.integers(2, 6),
     high_m=st.floats(0.02, 0.4),
-)  # fmt: skip
+)
 def test_a_thing_is_found_with_its_box(x: int, y: int, wide: int, deep: int, high_m: float) -> None:
     box = (x * CELL_M, y * CELL_M, (x + wide) * CELL_M, (y + deep) * CELL_M, high_m)
     (spot,) = raised_spots(instance(), ground(box))

@@ -145,11 +145,14 @@ def options(*values: float) -> list[FrontierOption]:
 @pytest.mark.parametrize(
     ("last", "chosen"),
     [
-        (None, 2), (ChosenFrontier((1.0, 0.0), 0.30), 1), (ChosenFrontier((1.4, 0.0), 0.30), 1),
-        (ChosenFrontier((1.0, 0.0), 0.309), 1), (ChosenFrontier((1.0, 0.0), 0.311), 2),
+        (None, 2),
+        (ChosenFrontier((1.0, 0.0), 0.30), 1),
+        (ChosenFrontier((1.4, 0.0), 0.30), 1),
+        (ChosenFrontier((1.0, 0.0), 0.309), 1),
+        (ChosenFrontier((1.0, 0.0), 0.311), 2),
         (ChosenFrontier((-0.6, 0.0), 0.1), 2),
     ],
-)  # fmt: skip
+)
 def test_the_last_frontier_is_kept_while_its_value_has_not_fallen(
     last: ChosenFrontier | None, chosen: int
 ) -> None:

@@ -48,8 +48,13 @@ USED = Settings()
 OWN = {name: float(getattr(USED, name)) for name in SETTINGS}
 
 
-def instance(id: int, name: str = "mug", score: float = 0.4, class_score: float = 0.6,
-             xy: tuple[float, float] = (1.0, 2.0)) -> ObjectInstance:  # fmt: skip
+def instance(
+    id: int,
+    name: str = "mug",
+    score: float = 0.4,
+    class_score: float = 0.6,
+    xy: tuple[float, float] = (1.0, 2.0),
+) -> ObjectInstance:
     return ObjectInstance(
         id=id, class_name=name, center_m=np.array([*xy, 0.5]), size_m=np.ones(3) * 0.1,
         score=score, class_score=class_score, uncertainty=class_score - score, views=4,
@@ -70,8 +75,9 @@ MEMORY = SearchMemory({7: FirstSeen(0.5, 1.0, (3.0, 0.0))}, [ChosenFrontier((0.0
 
 
 # --- sentences -----------------------------------------------------------------------------------
-def view(score: float, after: float | None = None, in_place: bool = True, id: int = 1
-         ) -> ViewOption:  # fmt: skip
+def view(
+    score: float, after: float | None = None, in_place: bool = True, id: int = 1
+) -> ViewOption:
     return ViewOption(instance(id, score=score), score, after, 1.2, in_place)
 
 
@@ -187,8 +193,9 @@ def test_a_recomputed_threshold_is_uncertain_where_a_view_was_never_evaluated() 
         "then"
     )
     assert (recompute(sure, {"tau_g": 0.3}).flips, recompute(sure, {"tau_b": 0.9}).flips) == (
-        False, False
-    )  # fmt: skip
+        False,
+        False,
+    )
     bolder = recompute(doubted, {"tau_g": 0.4})
     assert (bolder.flips, bolder.certain, bolder.decision.do) == (True, True, Do.ACT)
     lazier = recompute(doubted, {"tau_inc": 0.2, "tau_g": 0.6})
@@ -206,10 +213,14 @@ def test_a_higher_class_threshold_drops_candidates_and_a_lower_one_is_not_certai
 
 @pytest.mark.parametrize(
     ("texts", "says"),
-    [({"alpha": "1"}, "choose among alpha_d"), ({"alpha_d": "much"}, "wanted a number"),
-     ({"tau_g": "nan"}, "wanted a number"), ({"alpha_d": "-1"}, "from 0 to 1000000"),
-     ({"alpha_d": "1e308"}, "from 0 to 1000000")],
-)  # fmt: skip
+    [
+        ({"alpha": "1"}, "choose among alpha_d"),
+        ({"alpha_d": "much"}, "wanted a number"),
+        ({"tau_g": "nan"}, "wanted a number"),
+        ({"alpha_d": "-1"}, "from 0 to 1000000"),
+        ({"alpha_d": "1e308"}, "from 0 to 1000000"),
+    ],
+)
 def test_invalid_settings_are_refused(texts: dict[str, str], says: str) -> None:
     with pytest.raises(InvalidInput, match=says):
         changes_of(texts)
@@ -220,14 +231,19 @@ ways_m = st.floats(0, 30)
 receptacles = st.lists(
     st.builds(
         lambda id, s, ig, d: ReceptacleOption(instance(id, class_score=s), s, ig, d),
-        st.integers(1, 50), st.floats(0.3, 1), st.floats(0, 5), ways_m,
+        st.integers(1, 50),
+        st.floats(0.3, 1),
+        st.floats(0, 5),
+        ways_m,
     ),
-    max_size=6, unique_by=lambda r: r.instance.id,
-)  # fmt: skip
+    max_size=6,
+    unique_by=lambda r: r.instance.id,
+)
 frontiers = st.lists(
     st.builds(FrontierOption, st.integers(1, 50), st.tuples(ways_m, ways_m), shares, ways_m),
-    max_size=6, unique_by=lambda f: f.id,
-)  # fmt: skip
+    max_size=6,
+    unique_by=lambda f: f.id,
+)
 memories = st.builds(
     SearchMemory,
     st.dictionaries(
@@ -242,16 +258,23 @@ views = st.lists(
         lambda id, psi, after, d, there: ViewOption(
             instance(id, score=psi, class_score=max(psi, 0.3)), psi, after, d, there
         ),
-        st.integers(1, 50), shares, st.none() | shares, ways_m, st.booleans(),
+        st.integers(1, 50),
+        shares,
+        st.none() | shares,
+        ways_m,
+        st.booleans(),
     ),
-    max_size=6, unique_by=lambda v: v.instance.id,
-)  # fmt: skip
+    max_size=6,
+    unique_by=lambda v: v.instance.id,
+)
 
 
 def test_rule_names_are_those_of_stored_decisions() -> None:
     assert [act.rule for act in Act] == [
-        "pick (eq. 7, 11)", "place (eq. 7, 11)", "stop (eq. 7, 11)",
-    ]  # fmt: skip
+        "pick (eq. 7, 11)",
+        "place (eq. 7, 11)",
+        "stop (eq. 7, 11)",
+    ]
     assert DecisionRule.BY_OBJECTIVE == "global search (eq. 8-10)"
     assert DecisionRule.RECEPTACLES_FIRST == "receptacles first"
 
@@ -261,11 +284,13 @@ decisions = st.one_of(
     st.builds(receptacles_first, receptacles, frontiers, memories, st.just(USED.alpha_d)),
     st.builds(
         lambda v, what, anywhere: act_or_look(v, 0.5, 0.05, "object", what, anywhere),
-        views, st.sampled_from(Act), st.booleans(),
+        views,
+        st.sampled_from(Act),
+        st.booleans(),
     ),
     frontiers.map(lambda f: highest_value(f, "place", RNG)),
     frontiers.map(lambda f: nearest(f, "place", RNG)),
-)  # fmt: skip
+)
 
 
 @pytest.mark.parametrize(("kind", "reads"), [("object", "tau_g"), ("receptacle", "tau_b")])
@@ -293,8 +318,9 @@ def test_a_threshold_that_was_a_share_of_tau_stays_that_share(share: float, flip
         assert not recompute(then, {"tau_g": same}).flips
     lower = recompute(then, {"tau_g": 0.9 * tau})
     assert (lower.decision.settings["threshold"], lower.flips) == (
-        pytest.approx(0.9 * share_of_tau), flips
-    )  # fmt: skip
+        pytest.approx(0.9 * share_of_tau),
+        flips,
+    )
 
 
 @settings(deadline=None)
@@ -316,8 +342,10 @@ def test_a_recomputed_decision_is_the_one_that_would_have_been_made(
     then = by_objective(r, f, memory, alpha_d)
     now = recompute(stored(by_objective(r, f, memory, USED.alpha_d)), {"alpha_d": alpha_d})
     assert (now.decision.do, now.decision.winner, now.decision.why) == (
-        then.do, then.winner, then.why
-    )  # fmt: skip
+        then.do,
+        then.winner,
+        then.why,
+    )
     assert now.certain
 
 

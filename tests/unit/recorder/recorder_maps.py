@@ -38,12 +38,18 @@ def snapshot_of(
     """A snapshot as map2d sends it."""
     rows, columns = occupancy.shape
     out = pb.MapSnapshot(
-        version=version, cell_m=cell_m, origin_x_m=origin_m[0], origin_y_m=origin_m[1],
-        width=columns, height=rows, occupancy=zlib.compress(occupancy.tobytes()),
+        version=version,
+        cell_m=cell_m,
+        origin_x_m=origin_m[0],
+        origin_y_m=origin_m[1],
+        width=columns,
+        height=rows,
+        occupancy=zlib.compress(occupancy.tobytes()),
         explored=zlib.compress((occupancy >= 0).astype("u1").tobytes()),
         top_mm=zlib.compress(np.where(occupancy == 100, 900, 0).astype("<u2").tobytes()),
-        trajectory_m=[0, 0, 0.5, 0, 2, 2, 2, 3], trajectory_starts=[2],
-    )  # fmt: skip
+        trajectory_m=[0, 0, 0.5, 0, 2, 2, 2, 3],
+        trajectory_starts=[2],
+    )
     for name, value in (values or {}).items():
         out.values[name] = zlib.compress(value.astype("<f2").tobytes())
     frontier = out.frontiers.add(id=7, x_m=0.4, y_m=1.2, size_m=0.6, reachable=True)
@@ -55,12 +61,15 @@ def gaussians_of(count: int) -> pb.GaussiansReply:
     """Gaussians along the diagonal of the world, of the class cup with probability 0.75."""
     ones = np.ones(count, "<f4")
     return pb.GaussiansReply(
-        count=count, means_m=np.repeat(np.arange(count, dtype="<f4"), 3).tobytes(),
-        scales_m=(0.01 * ones).tobytes(), colors=np.full((count, 3), 200, np.uint8).tobytes(),
-        instances=np.arange(count, dtype="<u4").tobytes(), class_names=["other", "cup"],
+        count=count,
+        means_m=np.repeat(np.arange(count, dtype="<f4"), 3).tobytes(),
+        scales_m=(0.01 * ones).tobytes(),
+        colors=np.full((count, 3), 200, np.uint8).tobytes(),
+        instances=np.arange(count, dtype="<u4").tobytes(),
+        class_names=["other", "cup"],
         concentration=np.tile(np.array([1, 3], "<f4"), count).tobytes(),
         opacities=(0.5 * ones).tobytes(),
-    )  # fmt: skip
+    )
 
 
 class FakeMaps:
@@ -119,12 +128,14 @@ class FakeMaps:
 
 def cells_of(grid) -> NDArray[np.void]:
     """[rows, columns] of a foxglove.Grid, read by its own fields as a viewer does."""
-    cell = np.dtype({
-        "names": [f.name for f in grid.fields],
-        "formats": [DTYPES[f.type] for f in grid.fields],
-        "offsets": [f.offset for f in grid.fields],
-        "itemsize": grid.cell_stride,
-    })  # fmt: skip
+    cell = np.dtype(
+        {
+            "names": [f.name for f in grid.fields],
+            "formats": [DTYPES[f.type] for f in grid.fields],
+            "offsets": [f.offset for f in grid.fields],
+            "itemsize": grid.cell_stride,
+        }
+    )
     rows = np.frombuffer(grid.data, np.uint8).reshape(-1, grid.row_stride)
     used = np.ascontiguousarray(rows[:, : grid.column_count * grid.cell_stride])
     return used.view(cell).reshape(-1, grid.column_count)

@@ -54,8 +54,9 @@ def test_every_recorded_message_can_be_read_without_helios_code(tmp_path: Path) 
     assert [m.format for m in said["/camera/color"]] == ["jpeg"]
     assert {m.encoding for m in said["/camera/depth"]} == {"16UC1"}
     assert {(t.parent_frame_id, t.child_frame_id) for t in said["/tf"]} == {
-        ("world", "base"), ("world", "camera"),
-    }  # fmt: skip
+        ("world", "base"),
+        ("world", "camera"),
+    }
     assert all(len(c.P) == 12 and len(c.K) == 9 for c in said["/camera/calibration"])
     assert [task.steps for task in said["/planner/task"]] == [0, 1]
     once = ["running : looks for a cup", "it is near"]  # though each step repeats it

@@ -14,8 +14,9 @@ from tests.support import ENDS_WITHIN_S, free_port
 def test_a_closed_session_ends_a_recorder_like_ctrl_c() -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "helios_recorder", "--router", f"tcp/127.0.0.1:{free_port()}"],
-        stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     try:
         assert process.stderr is not None
         assert "waiting for the router" in process.stderr.readline()

@@ -101,8 +101,9 @@ def test_the_map_is_recorded_at_its_place_in_the_world(tmp_path: Path) -> None:
     assert (frontier.spheres[0].pose.position.x, frontier.texts[0].text) == (0.4, "pick 0.31")
     (driven,) = said["/map/trajectory"][-1].entities
     assert [[(p.x, p.y) for p in line.points] for line in driven.lines] == [
-        [(0.0, 0.0), (0.5, 0.0)], [(2.0, 2.0), (2.0, 3.0)],
-    ]  # fmt: skip
+        [(0.0, 0.0), (0.5, 0.0)],
+        [(2.0, 2.0), (2.0, 3.0)],
+    ]
     # A viewer that starts anywhere needs only the newest message.
     assert all(len(s.deletions) == 1 and s.deletions[0].type == 1 for s in said["/map/objects"])
 
@@ -262,8 +263,11 @@ def test_a_map_of_another_process_with_the_same_version_is_recorded(tmp_path: Pa
     other.map_id = "second"
     maps.snapshot = other
     maps.announce()
-    wait_until(lambda: last_of_recording(recorded, "/map/trajectory") is not drawn, 20,
-               "the other map is recorded")  # fmt: skip
+    wait_until(
+        lambda: last_of_recording(recorded, "/map/trajectory") is not drawn,
+        20,
+        "the other map is recorded",
+    )
     recorded.close()
     grid = messages(only_file(tmp_path))["/map/occupancy"][-1]
     np.testing.assert_array_equal(cells_of(grid)["occupancy"], small_map((0, 0)))
@@ -277,8 +281,11 @@ def test_a_reset_empties_the_recorded_map_and_its_layers_once(tmp_path: Path) ->
     wait_until(lambda: last_of_recording(recorded, "/map/trajectory"), 20, "it is recorded")
     drawn = last_of_recording(recorded, "/map/trajectory")
     maps.reset()
-    wait_until(lambda: last_of_recording(recorded, "/map/trajectory") is not drawn, 20,
-               "the empty map is recorded")  # fmt: skip
+    wait_until(
+        lambda: last_of_recording(recorded, "/map/trajectory") is not drawn,
+        20,
+        "the empty map is recorded",
+    )
     for _ in range(2):  # further replies without a map
         before = maps.asked
         maps.announce()

@@ -45,9 +45,7 @@ class Played:
     def _observe(self, observation: pb.Observation) -> None:
         self.observations.append(observation)
         self.reported.append(f"saw {observation.frame.id.seq}")
-        ack = pb.Ack(
-            service="objectmap", part="objects", id=observation.frame.id, accepted=True
-        )  # fmt: skip
+        ack = pb.Ack(service="objectmap", part="objects", id=observation.frame.id, accepted=True)
         self.bus.publish(OBJECTMAP_ACK, ack)
 
     def _retire(self, request: pb.RetireRequest) -> pb.RetireReply:

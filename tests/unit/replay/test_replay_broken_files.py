@@ -26,9 +26,10 @@ from tests.unit.replay.replay_recorded import record
 @settings(max_examples=40, deadline=None)
 @given(share=st.floats(0, 1))
 def test_a_truncated_file_plays_up_to_the_cut(
-    share: float, recording: tuple[Path, list[pb.Frame]],
+    share: float,
+    recording: tuple[Path, list[pb.Frame]],
     tmp_path_factory: pytest.TempPathFactory,
-) -> None:  # fmt: skip
+) -> None:
     path, sent = recording
     data = path.read_bytes()
     cut = tmp_path_factory.getbasetemp() / "cut.mcap"
@@ -55,9 +56,11 @@ def test_at_least_half_of_the_keyframes_of_a_file_cut_at_75_percent_are_read(
 @settings(max_examples=150, deadline=None)
 @given(at=st.floats(0, 1), junk=st.binary(min_size=1, max_size=12))
 def test_junk_bytes_in_a_file_raise_only_typed_errors(
-    at: float, junk: bytes, recording: tuple[Path, list[pb.Frame]],
+    at: float,
+    junk: bytes,
+    recording: tuple[Path, list[pb.Frame]],
     tmp_path_factory: pytest.TempPathFactory,
-) -> None:  # fmt: skip
+) -> None:
     data = bytearray(recording[0].read_bytes())
     start = int(at * (len(data) - len(junk)))
     data[start : start + len(junk)] = junk
@@ -102,9 +105,11 @@ def of_ros(writer: Writer) -> None:
 
 
 def no_description(writer: Writer) -> None:
-    names = {KEYFRAME_CHANNELS.head: "helios.v1.Frame",
-             KEYFRAME_CHANNELS.color: "foxglove.CompressedImage",
-             KEYFRAME_CHANNELS.depth: "foxglove.RawImage"}  # fmt: skip
+    names = {
+        KEYFRAME_CHANNELS.head: "helios.v1.Frame",
+        KEYFRAME_CHANNELS.color: "foxglove.CompressedImage",
+        KEYFRAME_CHANNELS.depth: "foxglove.RawImage",
+    }
     data = frame(0).SerializeToString()
     for topic, name in names.items():
         schema = writer.register_schema(name, "protobuf", b"")
@@ -129,9 +134,15 @@ def nothing(_: Writer) -> None:
 
 @pytest.mark.parametrize(
     ("write", "words"),
-    [(foreign, "/chatter"), (of_ros, "ROS 2 bag"), (no_description, "which robot"),
-     (no_pixels, "pixels"), (no_protobuf, "helios.v1.Frame"), (nothing, "empty")],
-)  # fmt: skip
+    [
+        (foreign, "/chatter"),
+        (of_ros, "ROS 2 bag"),
+        (no_description, "which robot"),
+        (no_pixels, "pixels"),
+        (no_protobuf, "helios.v1.Frame"),
+        (nothing, "empty"),
+    ],
+)
 def test_an_unplayable_file_is_refused_in_one_sentence(
     write: Callable[[Writer], None], words: str, tmp_path: Path
 ) -> None:

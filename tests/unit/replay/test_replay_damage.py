@@ -60,8 +60,10 @@ def keyframe_chunks(path: Path) -> list[set[int]]:
         if found.topic == KEYFRAME_CHANNELS.head:
             out.append(set())
         if found.topic in (
-            KEYFRAME_CHANNELS.head, KEYFRAME_CHANNELS.color, KEYFRAME_CHANNELS.depth
-        ):  # fmt: skip
+            KEYFRAME_CHANNELS.head,
+            KEYFRAME_CHANNELS.color,
+            KEYFRAME_CHANNELS.depth,
+        ):
             out[-1].add(found.place.chunk)
     return out
 
@@ -106,9 +108,11 @@ def test_a_chunk_that_claims_to_reach_into_the_next_one_loses_itself_alone(
 @settings(max_examples=60, deadline=None)
 @given(data=st.data(), flip=st.integers(1, 255))
 def test_all_keyframes_in_intact_chunks_are_played(
-    data: st.DataObject, flip: int, tour: tuple[Path, list[pb.Frame]],
+    data: st.DataObject,
+    flip: int,
+    tour: tuple[Path, list[pb.Frame]],
     tmp_path_factory: pytest.TempPathFactory,
-) -> None:  # fmt: skip
+) -> None:
     path, sent = tour
     size, chunks = path.stat().st_size, chunks_of(path)
     places = data.draw(
@@ -142,9 +146,10 @@ def killed(path: Path, out: Path) -> Path:
 @settings(max_examples=30, deadline=None)
 @given(data=st.data())
 def test_a_file_without_an_index_is_played_except_for_its_damaged_chunks(
-    data: st.DataObject, tour: tuple[Path, list[pb.Frame]],
+    data: st.DataObject,
+    tour: tuple[Path, list[pb.Frame]],
     tmp_path_factory: pytest.TempPathFactory,
-) -> None:  # fmt: skip
+) -> None:
     path, sent = tour
     chunks = chunks_of(path)
     hit = data.draw(st.lists(st.sampled_from(chunks[1:-1]), max_size=3, unique=True))

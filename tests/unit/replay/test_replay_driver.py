@@ -27,8 +27,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 WIDTH, HEIGHT = 64, 48
-META = {"width": WIDTH, "height": HEIGHT, "fx": 52.5, "fy": 52.5, "cx": 32.0, "cy": 24.0,
-        "depth_scale_m": 0.001}  # fmt: skip
+META = {
+    "width": WIDTH,
+    "height": HEIGHT,
+    "fx": 52.5,
+    "fy": 52.5,
+    "cx": 32.0,
+    "cy": 24.0,
+    "depth_scale_m": 0.001,
+}
 HEADER = "frame,t_s,r00,r01,r02,tx,r10,r11,r12,ty,r20,r21,r22,tz"
 metres = st.floats(-20, 20)
 angles = st.floats(-3.1, 3.1)

@@ -45,45 +45,61 @@ def vector(kind: str, T: np.ndarray) -> Any:
 def transform(ns: int, parent: str, child: str, T: np.ndarray) -> Any:
     x, y, z, w = quaternion_from_rotation(T[:3, :3])
     return make(
-        "geometry_msgs/msg/TransformStamped", header=header(ns, parent), child_frame_id=child,
+        "geometry_msgs/msg/TransformStamped",
+        header=header(ns, parent),
+        child_frame_id=child,
         transform=make(
             "geometry_msgs/msg/Transform",
             translation=vector("Vector3", T),
             rotation=make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
         ),
-    )  # fmt: skip
+    )
 
 
 def pose(ns: int, T: np.ndarray) -> Any:
     x, y, z, w = quaternion_from_rotation(T[:3, :3])
     return make(
-        "geometry_msgs/msg/PoseStamped", header=header(ns, "map"),
+        "geometry_msgs/msg/PoseStamped",
+        header=header(ns, "map"),
         pose=make(
             "geometry_msgs/msg/Pose",
             position=vector("Point", T),
             orientation=make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
         ),
-    )  # fmt: skip
+    )
 
 
 def image(ns: int, pixels: np.ndarray, encoding: str) -> Any:
     return make(
-        "sensor_msgs/msg/Image", header=header(ns, "optical"), height=HEIGHT, width=WIDTH,
-        encoding=encoding, is_bigendian=0, step=pixels.nbytes // HEIGHT,
+        "sensor_msgs/msg/Image",
+        header=header(ns, "optical"),
+        height=HEIGHT,
+        width=WIDTH,
+        encoding=encoding,
+        is_bigendian=0,
+        step=pixels.nbytes // HEIGHT,
         data=np.frombuffer(pixels.tobytes(), np.uint8),
-    )  # fmt: skip
+    )
 
 
 def compressed(ns: int, data: bytes, form: str) -> Any:
     return make(
-        "sensor_msgs/msg/CompressedImage", header=header(ns, "optical"), format=form,
+        "sensor_msgs/msg/CompressedImage",
+        header=header(ns, "optical"),
+        format=form,
         data=np.frombuffer(data, np.uint8),
-    )  # fmt: skip
+    )
 
 
 def info(ns: int, distortion: list[float]) -> Any:
-    region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0,
-                  do_rectify=False)  # fmt: skip
+    region = make(
+        "sensor_msgs/msg/RegionOfInterest",
+        x_offset=0,
+        y_offset=0,
+        height=0,
+        width=0,
+        do_rectify=False,
+    )
     return make(
         "sensor_msgs/msg/CameraInfo", header=header(ns, "optical"), height=HEIGHT, width=WIDTH,
         distortion_model="plumb_bob", d=np.array(distortion),
@@ -154,12 +170,16 @@ def write_bag(
                     stored = inverse_depth(depth_mm / 1000, *inverse)
                 png = head + cv2.imencode(".png", stored)[1].tobytes()
                 write("/cam/color/compressed", ns, compressed(ns, jpeg, "bgr8; jpeg"))
-                write("/cam/depth/compressedDepth", ns + 3_000_000,
-                      compressed(ns + 3_000_000, png, form))  # fmt: skip
+                write(
+                    "/cam/depth/compressedDepth",
+                    ns + 3_000_000,
+                    compressed(ns + 3_000_000, png, form),
+                )
             else:
                 write("/cam/color/image_raw", ns, image(ns, blue, "bgr8"))
-                write("/cam/depth/image_raw", ns + 3_000_000,
-                      image(ns + 3_000_000, depth_mm, "16UC1"))  # fmt: skip
+                write(
+                    "/cam/depth/image_raw", ns + 3_000_000, image(ns + 3_000_000, depth_mm, "16UC1")
+                )
             if second_camera:
                 write("/rear/color/image_raw", ns, image(ns, blue, "bgr8"))
     return path

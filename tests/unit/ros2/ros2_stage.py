@@ -21,11 +21,12 @@ def xyz(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> SimpleNamespace:
 def transform(parent: str, child: str, ns: int, x_m: float = 0.0) -> SimpleNamespace:
     stamp = SimpleNamespace(sec=ns // 10**9, nanosec=ns % 10**9)
     return SimpleNamespace(
-        header=SimpleNamespace(stamp=stamp, frame_id=parent), child_frame_id=child,
+        header=SimpleNamespace(stamp=stamp, frame_id=parent),
+        child_frame_id=child,
         transform=SimpleNamespace(
             translation=xyz(x_m), rotation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
         ),
-    )  # fmt: skip
+    )
 
 
 def camera_info() -> SimpleNamespace:

@@ -73,12 +73,13 @@ def test_a_value_map_is_a_picture_with_north_up_and_a_legend_below() -> None:
 
 def test_points_have_colour_class_and_object() -> None:
     reply = pb.GaussiansReply(
-        count=2, class_names=["other", "cup"],
+        count=2,
+        class_names=["other", "cup"],
         means_m=np.array([[1, 2, 3], [np.nan, 0, 0]], "<f4").tobytes(),
         colors=np.array([[1, 2, 3], [0, 0, 0]], "u1").tobytes(),
         instances=np.array([7, 8], "<u4").tobytes(),
         concentration=np.array([[1, 5], [5, 1]], "<f4").tobytes(),
-    )  # fmt: skip
+    )
     [point] = cloud(reply)  # one that is not finite is left out
     assert (point["rgb"], point["class"], point["object"]) == (0x010203, 1, 7)
     reply.count = 3

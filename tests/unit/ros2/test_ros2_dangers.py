@@ -142,10 +142,14 @@ def test_a_waiting_task_is_not_the_present_one_of_the_ros_topics() -> None:
     told._text = lambda data: data
     told._task = SimpleNamespace(publish=lambda data: sent.append(json.loads(data)["id"]))
     for each, present in (
-        (task("a", "queued"), ""), (task("a", "running"), "a"), (task("b", "queued"), "a"),
-        (task("c", "cancelled"), "a"), (task("a", "paused"), "a"), (task("a", "succeeded"), ""),
+        (task("a", "queued"), ""),
+        (task("a", "running"), "a"),
+        (task("b", "queued"), "a"),
+        (task("c", "cancelled"), "a"),
+        (task("a", "paused"), "a"),
+        (task("a", "succeeded"), ""),
         (task("b", "running"), "b"),
-    ):  # fmt: skip
+    ):
         told._on_task(each)
         assert told._present == present
     assert sent == ["a", "a", "a", "a", "b"]

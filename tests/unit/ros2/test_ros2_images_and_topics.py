@@ -33,8 +33,10 @@ REALSENSE = {
     "/odom": ["nav_msgs/msg/Odometry"],
 }
 TURTLEBOT = {
-    "/oakd/rgb/preview/image_raw": [RAW], "/oakd/rgb/preview/depth": [RAW], "/tf": ["x"],
-}  # fmt: skip
+    "/oakd/rgb/preview/image_raw": [RAW],
+    "/oakd/rgb/preview/depth": [RAW],
+    "/tf": ["x"],
+}
 
 
 @given(
@@ -76,11 +78,14 @@ def test_unpaired_images_are_forgotten() -> None:
 @pytest.mark.parametrize(
     ("graph", "color", "depth"),
     [
-        (REALSENSE, "/camera/camera/color/image_raw",
-         "/camera/camera/aligned_depth_to_color/image_raw"),
+        (
+            REALSENSE,
+            "/camera/camera/color/image_raw",
+            "/camera/camera/aligned_depth_to_color/image_raw",
+        ),
         (TURTLEBOT, "/oakd/rgb/preview/image_raw", "/oakd/rgb/preview/depth"),
     ],
-)  # fmt: skip
+)
 def test_the_topics_of_common_cameras_are_found(
     graph: dict[str, list[str]], color: str, depth: str
 ) -> None:

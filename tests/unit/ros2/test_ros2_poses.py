@@ -63,9 +63,7 @@ def test_a_pose_between_two_transforms_lies_on_the_line(x0: float, x1: float, at
 @given(small, small, st.floats(0, 1))
 def test_a_transform_and_its_reverse_are_inverse(x0: float, x1: float, at: float) -> None:
     tf = robot_tf(x0, x1)
-    there, back = (
-        tf.at("map", CAMERA, int(at * S)), tf.at(CAMERA, "map", int(at * S))
-    )  # fmt: skip
+    there, back = (tf.at("map", CAMERA, int(at * S)), tf.at(CAMERA, "map", int(at * S)))
     np.testing.assert_allclose(there @ back, np.eye(4), atol=1e-9)
 
 
@@ -170,10 +168,12 @@ class Heard:
             self.graph.handlers["/tf"](SimpleNamespace(transforms=found))
         self.senses._on_info("color", camera_info())
         T = transform("odom", "base_link", S).transform
-        self.senses._on_pose(SimpleNamespace(
-            header=SimpleNamespace(stamp=SimpleNamespace(sec=1, nanosec=0), frame_id="odom"),
-            pose=SimpleNamespace(position=T.translation, orientation=T.rotation),
-        ))  # fmt: skip
+        self.senses._on_pose(
+            SimpleNamespace(
+                header=SimpleNamespace(stamp=SimpleNamespace(sec=1, nanosec=0), frame_id="odom"),
+                pose=SimpleNamespace(position=T.translation, orientation=T.rotation),
+            )
+        )
 
     def connect(self) -> str:
         """World frame of the poses."""

@@ -31,9 +31,14 @@ def room(name: str, box: tuple[float, float, float, float], level: str = "") -> 
 
 
 def piece(
-    name: str, x: float, y: float, size: tuple[float, float, float] = (100, 60, 75),
-    tag: str = "pieceOfFurniture", inner: str = "", **attributes: object,
-) -> str:  # fmt: skip
+    name: str,
+    x: float,
+    y: float,
+    size: tuple[float, float, float] = (100, 60, 75),
+    tag: str = "pieceOfFurniture",
+    inner: str = "",
+    **attributes: object,
+) -> str:
     """A piece of furniture, or with another tag a door."""
     width, depth, height = size
     given = {"x": x, "y": y, "width": width, "depth": depth, "height": height} | attributes

@@ -40,9 +40,13 @@ def test_each_fault_is_found_with_its_size_and_in_words(world: World) -> None:
     text = "pitch_deg=1,roll_deg=-1,height_m=0.03,delay_ms=40,shift_px=4,turn_percent=3"
     found = checked(world, text, drive=False)
     sizes = {
-        "pitch": 1.0, "roll": -1.0, "height": 0.03, "time offset": 0.04,
-        "depth-colour registration": 4.0, "heading drift": 10.8,
-    }  # fmt: skip
+        "pitch": 1.0,
+        "roll": -1.0,
+        "height": 0.03,
+        "time offset": 0.04,
+        "depth-colour registration": 4.0,
+        "heading drift": 10.8,
+    }
     assert wrong(found) == set(sizes)
     for name, size in sizes.items():
         assert found[name].value == pytest.approx(size, rel=0.2), found[name]

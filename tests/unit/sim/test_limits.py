@@ -18,12 +18,19 @@ NOWHERE = (math.nan, math.inf, -math.inf)
 @pytest.mark.parametrize(
     "action",
     [
-        Forward(ROBOT.min_forward_m), Forward(ROBOT.max_forward_m), Forward(-ROBOT.max_back_m),
-        Forward(-ROBOT.min_forward_m), Turn(ROBOT.max_turn_rad),
-        Turn(-ROBOT.min_turn_rad), Tilt(LOW_TILT), Tilt(HIGH_TILT), Observe(),
-        Pick((99.0, 0.0, 0.5), "mug"), Place((0.0, -99.0, 0.5)),
+        Forward(ROBOT.min_forward_m),
+        Forward(ROBOT.max_forward_m),
+        Forward(-ROBOT.max_back_m),
+        Forward(-ROBOT.min_forward_m),
+        Turn(ROBOT.max_turn_rad),
+        Turn(-ROBOT.min_turn_rad),
+        Tilt(LOW_TILT),
+        Tilt(HIGH_TILT),
+        Observe(),
+        Pick((99.0, 0.0, 0.5), "mug"),
+        Place((0.0, -99.0, 0.5)),
     ],
-)  # fmt: skip
+)
 def test_an_action_within_the_limits_is_accepted(action: Action) -> None:
     """Also a pick or place too far away: it counts as an attempt."""
     assert limit_violation(action, ROBOT) == ""
@@ -32,12 +39,19 @@ def test_an_action_within_the_limits_is_accepted(action: Action) -> None:
 @pytest.mark.parametrize(
     "action",
     [
-        Forward(ROBOT.min_forward_m - 1e-3), Forward(ROBOT.max_forward_m + 1e-3), Forward(-0.5),
-        Forward(-ROBOT.max_back_m - 1e-3), Forward(-ROBOT.min_forward_m + 1e-3), Forward(0.0),
-        Turn(ROBOT.max_turn_rad + 1e-3), Turn(ROBOT.min_turn_rad / 2), Turn(0.0),
-        Tilt(LOW_TILT - 1e-3), Tilt(HIGH_TILT + 1e-3),
+        Forward(ROBOT.min_forward_m - 1e-3),
+        Forward(ROBOT.max_forward_m + 1e-3),
+        Forward(-0.5),
+        Forward(-ROBOT.max_back_m - 1e-3),
+        Forward(-ROBOT.min_forward_m + 1e-3),
+        Forward(0.0),
+        Turn(ROBOT.max_turn_rad + 1e-3),
+        Turn(ROBOT.min_turn_rad / 2),
+        Turn(0.0),
+        Tilt(LOW_TILT - 1e-3),
+        Tilt(HIGH_TILT + 1e-3),
     ],
-)  # fmt: skip
+)
 def test_an_action_beyond_the_limits_is_refused(action: Action) -> None:
     assert "outside" in limit_violation(action, ROBOT)
 

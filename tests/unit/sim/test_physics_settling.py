@@ -37,9 +37,11 @@ JUMPS = PhysicsStep(linear_m_s=0.2)
 def settled(moments: Sequence[PhysicsStep]) -> RestState:
     """The gripper's result for a sequence of steps; the last step repeats forever."""
     data = SimpleNamespace(
-        qpos=np.array([0.0, 0, 0, 1, 0, 0, 0]), qvel=np.zeros(6), body_awake=[True],
+        qpos=np.array([0.0, 0, 0, 1, 0, 0, 0]),
+        qvel=np.zeros(6),
+        body_awake=[True],
         xpos=np.zeros((1, 3)),
-    )  # fmt: skip
+    )
     count, turned_rad = 0, 0.0
 
     def step() -> None:

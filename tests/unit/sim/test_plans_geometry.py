@@ -27,8 +27,14 @@ def _wall(start: tuple[float, float], end: tuple[float, float], arc: float = 0.0
     return Wall(start, end, 0.2, 2.5, 2.5, arc)
 
 
-@given(x=METRES, y=METRES, turn=ANGLES, chord=st.floats(0.1, 10), arc=st.floats(0.1, 6.0),
-       sign=st.sampled_from([-1, 1]))  # fmt: skip
+@given(
+    x=METRES,
+    y=METRES,
+    turn=ANGLES,
+    chord=st.floats(0.1, 10),
+    arc=st.floats(0.1, 6.0),
+    sign=st.sampled_from([-1, 1]),
+)
 def test_an_arc_runs_from_start_to_end_on_one_circle(
     x: float, y: float, turn: float, chord: float, arc: float, sign: int
 ) -> None:
@@ -104,8 +110,9 @@ def test_walls_that_meet_close_their_corner() -> None:
 
 @given(
     st.lists(st.tuples(st.floats(0.5, 3), st.floats(0, 2 * math.pi)), min_size=3, max_size=9),
-    st.floats(-5, 5), st.floats(-5, 5),
-)  # fmt: skip
+    st.floats(-5, 5),
+    st.floats(-5, 5),
+)
 def test_a_point_is_in_a_star_shaped_outline_by_its_angle_and_distance(
     rays: list[tuple[float, float]], x: float, y: float
 ) -> None:
@@ -238,9 +245,10 @@ def test_a_model_keeps_left_and_right_and_turns_its_front_to_the_room(tmp_path: 
 
     obj = "\n".join((box(-0.5, -0.4, 1.0, -0.2, 0.2, 0), box(-0.5, 0.5, 0.3, 0.1, 0.2, 1)))
     home = drawn(
-        tmp_path / "a.sh3d", piece("Thing", 200, 250, (100, 40, 100), model="7"),
+        tmp_path / "a.sh3d",
+        piece("Thing", 200, 250, (100, 40, 100), model="7"),
         entries={"7": obj.encode()},
-    )  # fmt: skip
+    )
     placed = home.furnishing.pieces[0]
     assert placed.source == "own model"
     vertices = np.concatenate([v.mesh.vertices for v in placed.shape.visuals])

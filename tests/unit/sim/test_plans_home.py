@@ -107,8 +107,9 @@ def test_hidden_outdoor_and_small_pieces_are_left_out(tmp_path: Path) -> None:
 def test_groups_are_taken_apart_and_follow_their_visibility(tmp_path: Path) -> None:
     inner = piece("Table", 600, 250) + piece("Chair", 600, 320, (40, 40, 90))
     nested = piece("Set", 600, 250, tag="furnitureGroup", inner=inner)
-    hidden = piece("Set", 200, 250, tag="furnitureGroup", inner=piece("Sofa", 200, 250),
-                   visible="false")  # fmt: skip
+    hidden = piece(
+        "Set", 200, 250, tag="furnitureGroup", inner=piece("Sofa", 200, 250), visible="false"
+    )
     outer = piece("All", 600, 250, tag="furnitureGroup", inner=nested)
     home = drawn(tmp_path / "a.sh3d", outer, hidden)
     assert sorted(p.class_name for p in home.furnishing.pieces) == ["chair", "dining table"]
@@ -131,8 +132,15 @@ def test_the_level_with_the_most_rooms_is_taken_unless_another_is_named(tmp_path
     )
     upper = TWO_ROOMS.replace("<wall ", "<wall level='u' ")
     ground = TWO_ROOMS.replace("<wall ", "<wall level='g' ")
-    parts = (levels, ground, upper, room("Hall", LEFT, "g"), room("Bedroom", LEFT, "u"),
-             room("Bath", RIGHT, "u"), piece("Table", 200, 250, level="g"))  # fmt: skip
+    parts = (
+        levels,
+        ground,
+        upper,
+        room("Hall", LEFT, "g"),
+        room("Bedroom", LEFT, "u"),
+        room("Bath", RIGHT, "u"),
+        piece("Table", 200, 250, level="g"),
+    )
     path = write_plan(tmp_path / "a.sh3d", parts)
     best = drawn_home(PlanSource.of(path))
     assert best.plan.level == "Upper"
@@ -152,13 +160,19 @@ def test_a_home_without_furniture_has_no_task_but_opens(tmp_path: Path) -> None:
 
 
 def test_a_file_beside_the_plan_says_where_things_lie(tmp_path: Path) -> None:
-    parts = (TWO_ROOMS, room("Kitchen", LEFT), door(400, 250),
-             piece("Table", 200, 250, (120, 80, 75)),
-             piece("Nightstand", 320, 100, (50, 40, 55)))  # fmt: skip
+    parts = (
+        TWO_ROOMS,
+        room("Kitchen", LEFT),
+        door(400, 250),
+        piece("Table", 200, 250, (120, 80, 75)),
+        piece("Nightstand", 320, 100, (50, 40, 55)),
+    )
     path = write_plan(tmp_path / "a.sh3d", parts)
     beside = path.with_suffix(".toml")
-    beside.write_text('[[things]]\nclass = "mug"\nat_m = [1.8, 2.4]\n'
-                      '[[things]]\nclass = "book"\non = "nightstand"\n')  # fmt: skip
+    beside.write_text(
+        '[[things]]\nclass = "mug"\nat_m = [1.8, 2.4]\n'
+        '[[things]]\nclass = "book"\non = "nightstand"\n'
+    )
     home = home_of_plan(PlanSource.of(path), 0)
     mug, book = home.objects
     assert (mug.class_name, mug.position_m[:2]) == ("mug", pytest.approx((1.8, -2.4), abs=0.01))
@@ -179,8 +193,12 @@ def test_a_file_beside_the_plan_says_where_things_lie(tmp_path: Path) -> None:
 
 
 def test_things_that_changed_since_the_run_began_are_refused(tmp_path: Path) -> None:
-    parts = (TWO_ROOMS, room("Kitchen", LEFT), door(400, 250),
-             piece("Table", 200, 250, (120, 80, 75)))  # fmt: skip
+    parts = (
+        TWO_ROOMS,
+        room("Kitchen", LEFT),
+        door(400, 250),
+        piece("Table", 200, 250, (120, 80, 75)),
+    )
     path = write_plan(tmp_path / "a.sh3d", parts)
     path.with_suffix(".toml").write_text('[[things]]\nclass = "mug"\non = "dining table"\n')
     source = PlanSource.of(path)

@@ -134,9 +134,11 @@ def test_a_texture_without_content_and_short_coordinates_leave_the_model_usable(
 
 def test_gigantic_furniture_and_walls_are_left_out(tmp_path: Path) -> None:
     home = drawn(
-        tmp_path / "a.sh3d", piece("Table", 200, 250, (100_000, 80, 75)), door(400, 250),
+        tmp_path / "a.sh3d",
+        piece("Table", 200, 250, (100_000, 80, 75)),
+        door(400, 250),
         "<wall xStart='0' yStart='0' xEnd='10' yEnd='0' thickness='90000'/>",
-    )  # fmt: skip
+    )
     assert not home.furnishing.pieces
     assert [s for s in home.plan.left_out if "larger than 30 m" in s or "thicker than 30 m" in s]
     assert len(home.plan.left_out) == 2
@@ -193,9 +195,11 @@ def test_a_gigantic_texture_is_not_decoded(
         f"1/{name}": _png(60_000, 60_000),
     }
     home = drawn(
-        tmp_path / "a.sh3d", piece("Table", 200, 250, model="1/a.obj"), door(400, 250),
+        tmp_path / "a.sh3d",
+        piece("Table", 200, 250, model="1/a.obj"),
+        door(400, 250),
         entries=files,
-    )  # fmt: skip
+    )
     placed = home.furnishing.pieces[0]
     assert placed.source == "own model"
     assert all(visual.material.picture is None for visual in placed.shape.visuals)
@@ -203,10 +207,16 @@ def test_a_gigantic_texture_is_not_decoded(
 
 @pytest.mark.parametrize(
     "model",
-    [b"", b"\x00" * 100, b"v nan 0 0\nv 0 1 0\nv 1 0 0\nf 1 2 3\n", b"v 0 0 0\nf 1 2 99999\n",
-     b"v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n", b"v 0 0 0\nv 0 1\nv 1 0 0\nf 1 2 3\n",
-     b"v 0 0\nv 0 1\nv 1 0\nf 1 2 3\n"],
-)  # fmt: skip
+    [
+        b"",
+        b"\x00" * 100,
+        b"v nan 0 0\nv 0 1 0\nv 1 0 0\nf 1 2 3\n",
+        b"v 0 0 0\nf 1 2 99999\n",
+        b"v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n",
+        b"v 0 0 0\nv 0 1\nv 1 0 0\nf 1 2 3\n",
+        b"v 0 0\nv 0 1\nv 1 0\nf 1 2 3\n",
+    ],
+)
 def test_a_model_that_does_not_load_gives_way_to_our_shape(tmp_path: Path, model: bytes) -> None:
     home = drawn(
         tmp_path / "a.sh3d", piece("Table", 200, 250, model="1/a.obj"), entries={"1/a.obj": model}

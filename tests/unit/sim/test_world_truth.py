@@ -53,8 +53,11 @@ def test_a_carried_and_dropped_object_is_listed_at_its_true_position(world: Worl
     assert isinstance(placed, PlaceTried)
     assert (picked.name, picked.candidate, picked.at_candidate) == (name, True, True)
     assert (placed.name, placed.released, placed.on_floor, placed.placed) == (
-        name, True, True, False,
-    )  # fmt: skip
+        name,
+        True,
+        True,
+        False,
+    )
     assert picked.step < placed.step == world.progress.steps
 
 

@@ -34,9 +34,14 @@ class Stage:
 
     def settings(self, **more: Any) -> SpotSettings:
         values = {
-            "host": "127.0.0.1", "port": self.fake.port, "ca_file": self.fake.ca_file,
-            "username": USER, "password": SecretStr(PASSWORD), "rpc_timeout_s": PATIENT_S, **more,
-        }  # fmt: skip
+            "host": "127.0.0.1",
+            "port": self.fake.port,
+            "ca_file": self.fake.ca_file,
+            "username": USER,
+            "password": SecretStr(PASSWORD),
+            "rpc_timeout_s": PATIENT_S,
+            **more,
+        }
         return SpotSettings(**values)
 
     def driver(self, bus: Bus | None = None, connect: bool = True, **settings: Any) -> SpotDriver:
@@ -53,8 +58,9 @@ class Stage:
         # A walk may still wait with the long timeout for an earlier request; let it get the answer.
         wait_until(
             lambda: self.fake.commands.asked >= asked + 2 or not self.world.moving,
-            10, "the walk asks anew",
-        )  # fmt: skip
+            10,
+            "the walk asks anew",
+        )
         self.fake.wire.cut()
 
     def mend(self, driver: SpotDriver) -> None:

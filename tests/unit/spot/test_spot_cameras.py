@@ -135,9 +135,12 @@ def test_an_estimate_that_does_not_fit_the_sensor_depth_is_not_used() -> None:
 def test_estimators_are_loaded_by_name_and_refused_with_a_reason() -> None:
     assert load_estimator("numpy:ones", None, 1.0) is np.ones
     refused = {
-        "": "DEPTH_ESTIMATOR", "detector": "without a bus", "nothing:here": "cannot be loaded",
-        "math:pi": "no callable", "numpy": "package:callable",
-    }  # fmt: skip
+        "": "DEPTH_ESTIMATOR",
+        "detector": "without a bus",
+        "nothing:here": "cannot be loaded",
+        "math:pi": "no callable",
+        "numpy": "package:callable",
+    }
     for wrong, why in refused.items():
         with pytest.raises(InvalidInput, match=why):
             load_estimator(wrong, None, 1.0)

@@ -80,8 +80,9 @@ def test_a_receiver_of_the_server_gets_every_entity(recorded: Path, tmp_path: Pa
             assert said, "it has ended"
         receiver = subprocess.Popen(
             [program(), f"rerun+http://127.0.0.1:{port}/proxy", "--save", out, "--port", "auto"],
-            env=os.environ | {"CI": "true"}, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
+            env=os.environ | {"CI": "true"},
+            stderr=subprocess.DEVNULL,
+        )
         wait_until(lambda: rows_of(out).keys() >= ENTITIES, 60, "every entity has arrived")
     finally:
         process.terminate()

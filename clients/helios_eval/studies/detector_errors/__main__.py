@@ -76,10 +76,13 @@ def arm_of(name: str, classes: Sequence[str], vocabulary: Sequence[str] | None) 
     right = {c: names_for(c, vocabulary) for c in classes}
     furniture = {name for c in classes if c in _furniture() for name in right[c]}
     asked = sorted({name for names in right.values() for name in names})
-    context = SearchContext("errors", tuple(
-        SearchClass(n, Role.START_RECEPTACLE if n in furniture else Role.OBJECT, LEAST_SCORE)
-        for n in asked
-    ))  # fmt: skip
+    context = SearchContext(
+        "errors",
+        tuple(
+            SearchClass(n, Role.START_RECEPTACLE if n in furniture else Role.OBJECT, LEAST_SCORE)
+            for n in asked
+        ),
+    )
     return Arm(name, context, SightingLog(right, len(asked)))
 
 
@@ -124,9 +127,15 @@ def real_frames(folder: Path, arm: Arm, threads: int) -> tuple[RepeatRates, list
     for n, posed in enumerate(data.images):
         color, depth_m = read_image(data, n)
         frame = Frame(
-            FrameId("real", 0, n + 1), n + 1, True, color, depth_m, data.camera,
-            posed.T_world_cam, np.eye(4),
-        )  # fmt: skip
+            FrameId("real", 0, n + 1),
+            n + 1,
+            True,
+            color,
+            depth_m,
+            data.camera,
+            posed.T_world_cam,
+            np.eye(4),
+        )
         found = detector.detect(frame, arm.context).detections
         images.append(logged(frame, found))
         scores += [d.score for d in found]
@@ -169,11 +178,14 @@ def _measure(given: argparse.Namespace) -> None:
     text = markdown(found, repeats, scores)
     write_file(given.out / "detector-errors.md", text)
     figures = {
-        "preset": given.preset, "seeds": list(given.seeds), "furniture": given.furniture,
-        "classes": classes, "detectors": {name: asdict(s) for name, s in found.items()},
+        "preset": given.preset,
+        "seeds": list(given.seeds),
+        "furniture": given.furniture,
+        "classes": classes,
+        "detectors": {name: asdict(s) for name, s in found.items()},
         "scores": scores,
         "repeats": {n: {k: v.tolist() for k, v in asdict(r).items()} for n, r in repeats.items()},
-    }  # fmt: skip
+    }
     write_file(
         given.out / "detector-errors.json", json.dumps(_without_nan(figures), indent=1) + "\n"
     )
@@ -212,9 +224,10 @@ def _furniture() -> frozenset[str]:
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.detector_errors", description=__doc__,
+        prog="python -m helios_eval.studies.detector_errors",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--detector",
         action="append",
@@ -228,7 +241,7 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--frames", type=Path, help="folder of posed RGB-D images")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True, help="folder for tables and the chart")
-    return parser  # fmt: skip
+    return parser
 
 
 if __name__ == "__main__":

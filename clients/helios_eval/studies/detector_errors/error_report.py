@@ -105,12 +105,21 @@ def chart(found: Mapping[str, Summary], file: Path) -> None:
         middle.errorbar(np.arange(len(y)), y, errors, fmt="o-", color=color, label=name, capsize=3)
         right.plot(QUANTILES, s.right_scores, "o-", color=color, label=name)
         right.plot(QUANTILES, s.wrong_scores, "x--", color=color)
-    left.set(xscale="log", xlabel="visible pixels", ylabel="share of sightings", ylim=(0, 1),
-             title="right name (–), only a wrong name (- -)")  # fmt: skip
+    left.set(
+        xscale="log",
+        xlabel="visible pixels",
+        ylabel="share of sightings",
+        ylim=(0, 1),
+        title="right name (–), only a wrong name (- -)",
+    )
     middle.set_xticks(range(len(RELATIONS)), RELATIONS, rotation=35, ha="right", fontsize=8)
     middle.set(ylabel="latent correlation", title="persistence of “right name”", ylim=(-0.25, 1))
-    right.set(xlabel="share of detections below", ylabel="score", ylim=(0, 1),
-              title="scores: right (–), wrong (- -)")  # fmt: skip
+    right.set(
+        xlabel="share of detections below",
+        ylabel="score",
+        ylim=(0, 1),
+        title="scores: right (–), wrong (- -)",
+    )
     for axes in (left, middle, right):
         axes.grid(alpha=0.3)
     left.legend(fontsize=8)
@@ -137,15 +146,17 @@ def _head(found: Mapping[str, object]) -> str:
 
 def _repeat_table(repeats: Mapping[str, RepeatRates]) -> str:
     lines = [
-        "## The same name again, another name only, of places seen in another image", "",
+        "## The same name again, another name only, of places seen in another image",
+        "",
         _head(repeats),
-    ]  # fmt: skip
+    ]
     for k, (low, high) in enumerate(itertools.pairwise(ANGLES_DEG)):
         cells = [
             f"{r.same[k] / r.pairs[k]:.0%}, {r.other[k] / r.pairs[k]:.0%} of {r.pairs[k]:,}"
-            if r.pairs[k] >= LEAST_REPEATS else "–"
+            if r.pairs[k] >= LEAST_REPEATS
+            else "–"
             for r in repeats.values()
-        ]  # fmt: skip
+        ]
         lines.append(f"| {low}° to {high}° | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 

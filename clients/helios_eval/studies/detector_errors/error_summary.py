@@ -101,7 +101,7 @@ def summary(seen: Sightings, alarms: FalseAlarms) -> Summary:
         score_persists={name: _score_pairs(clear, right, pairs[name]) for name in RELATIONS},
         scores_together=_rank_correlation(clear.right[both], clear.wrong[both]),
         wrong_by_class=_by_class(clear, wrong),
-    )  # fmt: skip
+    )
 
 
 def rates_of(right: NDArray[np.bool_], wrong: NDArray[np.bool_], home: NDArray[np.int64]) -> Rates:

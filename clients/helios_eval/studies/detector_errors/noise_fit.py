@@ -65,16 +65,19 @@ def fitted(
     return {
         "persistence": persistence(real, base, table.shares),
         "scale": {
-            "confuse": severity * wrong, "second": severity * wrong, "miss": 1.0,
+            "confuse": severity * wrong,
+            "second": severity * wrong,
+            "miss": 1.0,
             "false": false_severity * false * table.file.scale.false,
         },
         "miss": {
-            "pixels": list(PIXELS), "by_pixels": misses(clear.pixels, ~reported),
+            "pixels": list(PIXELS),
+            "by_pixels": misses(clear.pixels, ~reported),
             "by_distance": [0.0] * (1 + len(table.file.bands.distance_m)),
         },
         "score": scores(clear) | {"together": real["scores_together"]},
         "confusion": {"factor": factors},
-    }  # fmt: skip
+    }
 
 
 def persistence(real: Mapping[str, Any], base: Mapping[str, Any], shares: Shares) -> dict[str, Any]:
@@ -207,9 +210,10 @@ def _rounded(values: NDArray[np.float64]) -> list[float]:
 
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.detector_errors.noise_fit", description=__doc__,
+        prog="python -m helios_eval.studies.detector_errors.noise_fit",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("run", type=Path, help="folder of the error study")
     parser.add_argument("--severity", type=float, default=1.0, help="factor on wrong names")
     parser.add_argument("--false-severity", type=float, default=1.0, help="factor on false alarms")

@@ -110,11 +110,15 @@ def correlations(
     p = np.clip(expected(seen, outcome), 1e-3, 1 - 1e-3)
     return {
         name: latent_correlation(
-            outcome[rows[:, 0]], outcome[rows[:, 1]], p[rows[:, 0]], p[rows[:, 1]],
-            seen.home[rows[:, 0]], resamples,
+            outcome[rows[:, 0]],
+            outcome[rows[:, 1]],
+            p[rows[:, 0]],
+            p[rows[:, 1]],
+            seen.home[rows[:, 0]],
+            resamples,
         )
         for name, rows in pairs.items()
-    }  # fmt: skip
+    }
 
 
 def latent_correlation(

@@ -106,15 +106,22 @@ class SightingLog:
             others = [d for d in here if d.class_name not in right]
             other = max(others, key=lambda d: d.score, default=None)
             offset_m = eye_m - np.array(thing.center_m)
-            self._rows.append((
-                home,
-                self._things.setdefault((home, thing.name), len(self._things)),
-                self._views.setdefault((home, view), len(self._views)),
-                thing.class_name, thing.pixels, float(np.linalg.norm(offset_m)),
-                math.atan2(offset_m[1], offset_m[0]) % math.tau, thing.unobstructed,
-                own, other.score if other else 0.0, other.class_name if other else "",
-                len({d.class_name for d in others if d.score >= COUNTED}),
-            ))  # fmt: skip
+            self._rows.append(
+                (
+                    home,
+                    self._things.setdefault((home, thing.name), len(self._things)),
+                    self._views.setdefault((home, view), len(self._views)),
+                    thing.class_name,
+                    thing.pixels,
+                    float(np.linalg.norm(offset_m)),
+                    math.atan2(offset_m[1], offset_m[0]) % math.tau,
+                    thing.unobstructed,
+                    own,
+                    other.score if other else 0.0,
+                    other.class_name if other else "",
+                    len({d.class_name for d in others if d.score >= COUNTED}),
+                )
+            )
         nowhere = covers.max(0, initial=0.0) < NOWHERE_IOU
         self._alarms += [
             (d.score, d.class_name, area(d.box_xyxy), depth_in(d.box_xyxy, depth_m))
@@ -136,9 +143,13 @@ class SightingLog:
         columns = zip(*self._alarms, strict=True) if self._alarms else ((), (), (), ())
         scores, names, pixels, distances_m = (list(column) for column in columns)
         return FalseAlarms(
-            self._images, self._asked, np.array(scores, np.float64), np.array(names, np.str_),
-            np.array(pixels, np.float64), np.array(distances_m, np.float64),
-        )  # fmt: skip
+            self._images,
+            self._asked,
+            np.array(scores, np.float64),
+            np.array(names, np.str_),
+            np.array(pixels, np.float64),
+            np.array(distances_m, np.float64),
+        )
 
     def scores(self) -> NDArray[np.float64]:
         """Scores of all detections so far."""

@@ -60,12 +60,16 @@ def images_of(
             truth = _truth(view, instance_of)
             things = tuple(
                 Visible(
-                    t.name, t.class_name, t.box_xyxy, t.pixels, centers_m[t.name],
+                    t.name,
+                    t.class_name,
+                    t.box_xyxy,
+                    t.pixels,
+                    centers_m[t.name],
                     t.open_box >= UNOBSTRUCTED_BOX and t.open_pixels >= UNOBSTRUCTED_PIXELS,
                 )
                 for t in view.things
                 if t.pixels >= LEAST_PX
-            )  # fmt: skip
+            )
             yield JudgedImage(viewpoint, view.frame, truth, things)
     finally:
         camera.close()

@@ -62,9 +62,11 @@ def viewpoints(home: Home, classes: Collection[str], most: int) -> Iterator[View
                     shaken = eye_m + rng.uniform(-SHAKE_M, SHAKE_M, 2)
                     aim = np.array(at_m) + rng.uniform(-AIM_SHAKE_M, AIM_SHAKE_M, 3)
                     yield Viewpoint(
-                        thing.name, view, (float(shaken[0]), float(shaken[1])),
+                        thing.name,
+                        view,
+                        (float(shaken[0]), float(shaken[1])),
                         (float(aim[0]), float(aim[1]), float(aim[2])),
-                    )  # fmt: skip
+                    )
                 view += 1
 
 

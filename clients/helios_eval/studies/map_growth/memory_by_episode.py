@@ -95,12 +95,17 @@ def _played(request: Request, seed: int, commit: str) -> EpisodeGrowth:
     seen = observation_log.play(request.preset, seed, request.max_steps, request.stride_px)
     maps = full_scene_comparison.measure(seen)
     return EpisodeGrowth(
-        preset=request.preset, seed=seed, max_steps=request.max_steps, stride_px=request.stride_px,
-        agent=spec.agent, noise=spec.noise, commit=commit,
+        preset=request.preset,
+        seed=seed,
+        max_steps=request.max_steps,
+        stride_px=request.stride_px,
+        agent=spec.agent,
+        noise=spec.noise,
+        commit=commit,
         steps=tuple(s.observation.frame.id.seq for s in seen),
         gaussians={name: tuple(grown.gaussians.tolist()) for name, grown in maps.items()},
         mb={name: tuple(np.round(grown.mb, 4).tolist()) for name, grown in maps.items()},
-    )  # fmt: skip
+    )
 
 
 def read(folder: Path, request: Request) -> list[EpisodeGrowth]:

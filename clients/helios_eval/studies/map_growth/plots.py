@@ -37,9 +37,11 @@ def cost(run: Cost, path: Path) -> None:
     right.fill_between(mapped, low, high, color=GREEN, alpha=0.2, lw=0, label="half of all frames")
     right.plot(mapped, middle, color=GREEN, marker="o", ms=4, label="median of a lap")
     right.set(
-        xlabel="thousand Gaussians in the map", ylabel="CPU ms of an update", xlim=(0, None),
+        xlabel="thousand Gaussians in the map",
+        ylabel="CPU ms of an update",
+        xlim=(0, None),
         ylim=(0, 1.5 * float(high.max())),
-    )  # fmt: skip
+    )
     right.legend(frameon=False)
     _finish(figure, (left, right), path)
 

@@ -64,9 +64,15 @@ def record(preset: str, seed: int, frames: int, stride_px: int) -> Walk:
 
     def see(capture: Capture, truth: Truth) -> None:
         frame = Frame(
-            FrameId(BOOT_ID, 0, len(observations)), capture.stamp_ns, True, capture.color,
-            capture.depth_m, capture.camera, capture.T_world_cam, capture.T_world_base,
-        )  # fmt: skip
+            FrameId(BOOT_ID, 0, len(observations)),
+            capture.stamp_ns,
+            True,
+            capture.color,
+            capture.depth_m,
+            capture.camera,
+            capture.T_world_cam,
+            capture.T_world_base,
+        )
         found = GroundTruthDetector(_Known(truth)).detect(frame, context).detections
         seen = Observation(frame, context.id, found, {}, "ground-truth")
         observations.append(strided(seen, stride_px))
@@ -89,9 +95,11 @@ def strided(observation: Observation, stride_px: int) -> Observation:
     grid = (slice(first, None, stride_px), slice(first, None, stride_px))
     view = View(c.fx, c.fy, c.cx, c.cy, c.width, c.height, seen.T_world_cam).strided(stride_px)
     frame = replace(
-        seen, color=seen.color[grid].copy(), depth_m=seen.depth_m[grid].copy(),
+        seen,
+        color=seen.color[grid].copy(),
+        depth_m=seen.depth_m[grid].copy(),
         camera=Pinhole(view.fx, view.fy, view.cx, view.cy, view.width, view.height),
-    )  # fmt: skip
+    )
     masks = [d.mask[grid].copy() for d in observation.detections]
     found = tuple(
         replace(d, mask=mask, box_xyxy=_box_of(mask))
@@ -152,7 +160,10 @@ def _moved(observation: Observation, T: Matrix, seq: int, context_id: str) -> Ob
     """Observation as if the world had been moved by T."""
     seen = observation.frame
     frame = replace(
-        seen, id=FrameId(BOOT_ID, 0, seq), stamp_ns=seq * STEP_NS,
-        T_world_cam=T @ seen.T_world_cam, T_world_base=T @ seen.T_world_base,
-    )  # fmt: skip
+        seen,
+        id=FrameId(BOOT_ID, 0, seq),
+        stamp_ns=seq * STEP_NS,
+        T_world_cam=T @ seen.T_world_cam,
+        T_world_base=T @ seen.T_world_base,
+    )
     return replace(observation, frame=frame, context_id=context_id)

@@ -107,9 +107,14 @@ def played(
     stored = stored_map(own.saved)
     known = stored is not None and starts_on_known_floor(own, stored)
     return HomeOutcome(
-        seed, sensor, known, own.first_found_step, searched(own, own), searched(own, elsewhere),
+        seed,
+        sensor,
+        known,
+        own.first_found_step,
+        searched(own, own),
+        searched(own, elsewhere),
         second,
-    )  # fmt: skip
+    )
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -162,9 +167,10 @@ def _line(done: HomeOutcome) -> str:
 
 def _arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m helios_eval.studies.relocalisation", description=__doc__,
+        prog="python -m helios_eval.studies.relocalisation",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     one = commands.add_parser("play", help="play homes, and report")
     one.add_argument("--seeds", type=seeds, required=True, help="3 or 0-9")

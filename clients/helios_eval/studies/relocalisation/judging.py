@@ -86,10 +86,14 @@ class HomeOutcome:
         """Outcome from the JSON of its fields."""
         second = raw["second"]
         return HomeOutcome(
-            raw["seed"], raw["sensor"], raw["starts_on_known_floor"], raw["first_found_step"],
-            Outcome(**raw["own"]), Outcome(**raw["other"]),
+            raw["seed"],
+            raw["sensor"],
+            raw["starts_on_known_floor"],
+            raw["first_found_step"],
+            Outcome(**raw["own"]),
+            Outcome(**raw["other"]),
             None if second is None else SecondVisit(**second),
-        )  # fmt: skip
+        )
 
 
 def outcome_of(session: Recording, stored_seed: int, stored: StoredMap) -> Outcome:

@@ -54,16 +54,20 @@ def path_of(folder: Path, seed: int, sensor: str) -> Path:
 def write(folder: Path, seed: int, sensor: str, first: Session, moments: list[Moment]) -> Path:
     """Write the recording of a home."""
     about = {
-        "seed": seed, "sensor": sensor, "first_found_step": first.found_step,
+        "seed": seed,
+        "sensor": sensor,
+        "first_found_step": first.found_step,
         "moments": [
             {
-                "step": m.step, "origin_m": list(m.view.origin_m), "cell_m": m.view.cell_m,
+                "step": m.step,
+                "origin_m": list(m.view.origin_m),
+                "cell_m": m.view.cell_m,
                 "T_estimated_true": m.T_estimated_true.ravel().tolist(),
                 "objects": [[o.center_m.tolist(), dict(o.probabilities)] for o in m.objects],
             }
             for m in moments
         ],
-    }  # fmt: skip
+    }
     arrays: dict[str, NDArray] = {
         "about": np.frombuffer(json.dumps(about).encode(), np.uint8),
         "map2d": np.frombuffer(first.saved.map2d, np.uint8),
@@ -83,12 +87,12 @@ def read(path: Path) -> Recording:
         arrays = unpacked(path.read_bytes())
         about = json.loads(arrays["about"].tobytes())
         return Recording(
-            about["seed"], about["sensor"], about["first_found_step"],
+            about["seed"],
+            about["sensor"],
+            about["first_found_step"],
             SavedMap(arrays["map2d"].tobytes(), arrays["objects"].tobytes()),
-            tuple(
-                _moment(m, arrays[f"occupancy.{i}"]) for i, m in enumerate(about["moments"])
-            ),
-        )  # fmt: skip
+            tuple(_moment(m, arrays[f"occupancy.{i}"]) for i, m in enumerate(about["moments"])),
+        )
     except (ValueError, KeyError) as error:
         raise InvalidInput(f"{path} is no recording of this study: `play` writes them") from error
 

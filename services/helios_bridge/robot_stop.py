@@ -1,0 +1,241 @@
+"""Stop of the robot: a latched stop by a person, and the halt of an action whose sender is silent.
+
+Both call the driver's stop without the lock on the driver, because an action may be running. A stop
+holds until `clear`, and is repeated until the robot confirms it. A halt ends with the action.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from concurrent import futures
+from concurrent.futures import Future
+
+from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, Unavailable
+from helios_core.heartbeat import HALTED
+
+from helios_bridge.bridge_health import BridgeHealth
+from helios_bridge.driver_executor import DriverExecutor
+from helios_bridge.driver_guard import GuardedDriver
+from helios_bridge.stop_latch import StopLatch
+
+log = logging.getLogger(__name__)
+
+MOST_REASONS = 200  # length of all stop reasons together, characters
+RETRY_S = 0.5  # between two questions to a robot that does not answer
+UNCONFIRMED = "the robot has not confirmed the stop and may still move"
+
+
+class RobotStop:
+    """Stop and halt of one driver. Thread-safe."""
+
+    def __init__(
+        self,
+        driver: GuardedDriver,
+        latch: StopLatch,
+        executor: DriverExecutor,
+        health: BridgeHealth,
+        timeout_s: float,
+        on_change: Callable[[], None],
+    ) -> None:
+        """timeout_s: longest wait for the driver's stop. on_change: called after the stop has
+        changed; it may be slow."""
+        self._driver, self._latch, self._executor = driver, latch, executor
+        self._health, self._timeout_s, self._on_change = health, timeout_s, on_change
+        self._lock = threading.Lock()
+        self.why = latch.read()  # all stop reasons, oldest first; "" if not stopped
+        self.confirmed = False  # by the driver
+        self._last_why = ""
+        self._late = False  # the driver's stop exceeded its time limit
+        self._stops, self._clearing = 0, False
+        self._stop_call: Future[None] | None = None  # last call of the driver's stop
+        self._halt_call: Future[None] | None = None  # the driver's stop for a silent sender
+
+    @property
+    def halting(self) -> bool:
+        """True from the halt of an action until the driver's stop is cleared again."""
+        return self._halt_call is not None
+
+    def check(self) -> None:
+        """Raise Conflict while the robot is stopped, and Unavailable while a halt is not over."""
+        if self.why:
+            raise Conflict(f"the robot is stopped ({self.why}); clear the stop first")
+        if self.halting:
+            raise Unavailable("the driver has not come back from ending an action; try again soon")
+
+    # --- stop ---------------------------------------------------------------------------------
+    def stop(self, reason: str) -> None:
+        """Stop the robot. Raises DeadlineExceeded if the driver's stop does not return in time.
+
+        In that case no further action starts, but the robot may still move.
+        """
+        self._health.count("stops")
+        with self._lock:
+            self._last_why = reason
+            self.why = _with_reason(self.why, reason)
+            self._stops += 1
+            log.warning("stopped: %s", self.why)
+            if not self._stop_hangs():
+                self._begin_stop()
+            call = self._stop_call
+            self._latch.keep(self.why)
+        assert call is not None
+        futures.wait((call,), self._timeout_s)
+        if not call.done():
+            late = (
+                f"the driver's stop has not come back within {self._timeout_s:g} s; "
+                "the robot may still move: use its own emergency stop"
+            )
+            self._late = True
+            self._health.stop_fails(late)
+            log.error("%s", late)
+            raise DeadlineExceeded(late)
+        call.result()  # raises the driver's error
+
+    def clear(self) -> None:
+        """Clear the stop. Raises Conflict while a stop hangs, or if another stop came meanwhile."""
+        with self._lock:
+            if self._stop_hangs():
+                raise Conflict("the driver has not come back from its stop; see to the robot first")
+            stops, self._clearing = self._stops, True
+        try:
+            self._driver.clear_stop()  # may take long: the robot may be remote
+        finally:
+            self._clearing = False
+        with self._lock:
+            anew = self._last_why if self._stops != stops else ""
+            self.why, self.confirmed = anew, False
+            if not anew:
+                self._latch.clear()
+        if anew:  # the driver may have cleared it too; no action can have begun
+            self.stop(anew)
+            raise Conflict(f"the robot was stopped again meanwhile ({anew}); clear that stop, too")
+        self._health.stop_works()
+        self._on_change()
+
+    def repeat(self) -> None:
+        """Call the driver's stop again if the robot has not confirmed its stop."""
+        with self._lock:
+            unconfirmed = bool(self.why) and not self.confirmed
+            if unconfirmed and not self._clearing and not self._stop_hangs():
+                self._begin_stop()
+
+    def _begin_stop(self) -> None:
+        """Call the driver's stop in a thread. The change is reported in another one: that may be
+        slow, and a caller waits for the stop."""
+        self._stop_call = self._executor.begin("stop", self._stop_driver)
+        self._stop_call.add_done_callback(self._on_stop_ended)
+
+    def _on_stop_ended(self, call: Future[None]) -> None:
+        if call.exception() is None:
+            self._executor.start("state after a stop", self._on_change)
+
+    def _stop_driver(self) -> None:
+        try:
+            self._driver.stop(self.why)
+            self.confirmed = bool(self.why)
+        except Exception as error:
+            if self._late:  # the caller of stop no longer waits
+                log.error("the stop failed: %s", error)
+                self._health.stop_fails(f"the stop failed: {error}")
+            raise
+        if self._late:
+            self._late = False
+            log.warning("the driver has come back from its stop after all")
+        self._health.stop_works()
+
+    def _stop_hangs(self) -> bool:
+        return self._stop_call is not None and not self._stop_call.done()
+
+    # --- halt ---------------------------------------------------------------------------------
+    def halt(self, why: str) -> None:
+        """End the running action, because its sender is away. It is no latched stop. A halt that
+        failed is tried again at the next call, which comes while the action runs."""
+        with self._lock:
+            call = self._halt_call
+            if self.why or (call is not None and not _failed(call)):
+                return
+            if call is None:
+                log.warning("the running action is ended: %s", why)
+                self._health.count("halts")
+            self._halt_call = self._executor.begin("halt", lambda: self._halt_driver(why))
+
+    def end_halt(self) -> None:
+        """Allow actions again after a halt, at the latest once the driver has come back from it."""
+        if (call := self._halt_call) is None:
+            return
+        futures.wait((call,), self._timeout_s)
+        if not call.done():
+            log.warning("the driver has not come back from ending an action yet")
+        call.add_done_callback(self._clear_halt)  # at once if it has come back
+
+    def clear_old_halt(self, ending: threading.Event) -> None:
+        """Clear the halt of a bridge that died before it could do so itself. Waits for a robot that
+        does not answer, until `ending` is set."""
+        while True:
+            try:
+                state = self._driver.state()
+                break
+            except HeliosError:
+                if ending.wait(RETRY_S):
+                    return
+        with self._lock:
+            ours = bool(self.why) or self.halting
+            if ours or not (state.stopped and state.message.startswith(HALTED)):
+                return
+            stops = self._stops
+        try:
+            self._clear_drivers_stop(stops)
+            log.warning("an earlier bridge ended a drive; that is cleared: %s", state.message)
+        except HeliosError as error:
+            log.error("the robot stays stopped: %s", error.message)
+        self._on_change()
+
+    def _halt_driver(self, why: str) -> None:
+        try:
+            self._driver.stop(why)
+        except Exception as error:
+            log.error("the running action could not be ended: %s", error)
+            self._health.stop_fails(f"the running action could not be ended: {error}")
+            raise
+        self._health.stop_works()
+
+    def _clear_halt(self, call: Future[None]) -> None:
+        """Clear the driver's stop, unless a stop has come meanwhile or ending the action failed."""
+        with self._lock:
+            again = self._halt_call
+            if again is not None and again is not call:
+                again.add_done_callback(self._clear_halt)
+                return
+            self._halt_call = None
+            stops, is_stopped = self._stops, bool(self.why)
+        try:
+            call.result()
+            if not is_stopped:
+                self._clear_drivers_stop(stops)
+        except HeliosError as error:
+            log.error("the stop that ended an action is not cleared: %s", error.message)
+        if not is_stopped:
+            self._health.stop_works()  # the action that could not be ended is over
+        self._on_change()
+
+    def _clear_drivers_stop(self, stops: int) -> None:
+        """Clear the driver's stop; stop again if there are more stops than `stops` by then. Without
+        the lock, as it may take long: the robot may be remote."""
+        self._driver.clear_stop()
+        with self._lock:
+            if self._stops != stops and not self._stop_hangs():
+                self._begin_stop()
+
+
+def _failed(call: Future[None]) -> bool:
+    return call.done() and call.exception() is not None
+
+
+def _with_reason(before: str, new: str) -> str:
+    """Stop reasons after one more stop; the first reason stays."""
+    if not before or new in before:
+        return before or new
+    both = f"{before}; {new}"
+    return both if len(both) <= MOST_REASONS else before
