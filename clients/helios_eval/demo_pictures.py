@@ -16,6 +16,8 @@ from helios_core.types import ObjectInstance
 from helios_map2d.pictures.label_placement import Wanted, lead, placed
 from numpy.typing import NDArray
 
+from helios_eval.palette import GREEN, INK, MUTED, VERMILION
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -23,7 +25,7 @@ mpl.use("Agg")
 
 CALL_S = 20.0
 MOST_POINTS = 60_000
-INK, MUTED, SURE, UNSURE = "#2c323e", "#6b7484", "#1b6e3c", "#8a5a00"
+SURE, UNSURE = GREEN, VERMILION
 UNKNOWN_RGB, FREE_RGB, OCCUPIED_RGB = (222, 226, 233), (255, 255, 255), (150, 158, 172)
 LEAST_CLASS_SCORE, SURE_SCORE = 0.3, 0.5
 

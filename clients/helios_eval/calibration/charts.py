@@ -23,18 +23,17 @@ from helios_eval.calibration.summary import (
     adaptive_edges,
     score_of,
 )
+from helios_eval.palette import BLUE, GREEN, GRID, INK, MUTED, VERMILION
 
 mpl.use("Agg")
 
 DPI = 120
-INK, FAINT, GRID = "#22262e", "#7b8494", "#e4e7ec"
-# Palette of Okabe and Ito, safe for colour-blind readers.
-COLOR = {"S": "#0072B2", "Ψ": "#D55E00", "−U": "#009E73", "true": INK}
+COLOR = {"S": BLUE, "Ψ": VERMILION, "−U": GREEN, "true": INK}
 MARKER = {"S": "o", "Ψ": "s", "−U": "^", "true": "D"}
 NAME = {"S": "class score S", "Ψ": "score Ψ", "−U": "−U", "true": "share that is right"}
 ROLE_NAME = {"object": "Objects", "receptacle": "Receptacles"}
 STYLE: Any = {
-    "font.size": 12, "axes.titlesize": 13, "axes.labelsize": 12, "axes.edgecolor": FAINT,
+    "font.size": 12, "axes.titlesize": 13, "axes.labelsize": 12, "axes.edgecolor": MUTED,
     "axes.labelcolor": INK, "text.color": INK, "xtick.color": INK, "ytick.color": INK,
     "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.color": GRID,
     "axes.axisbelow": True, "figure.facecolor": "white", "legend.frameon": False,
@@ -104,14 +103,14 @@ def views_png(samples: Samples, rows: Sequence[Row]) -> bytes:
                         error.plot(
                             [k + shift - 0.08, k + shift + 0.08],
                             [row.ece_by_chance] * 2,
-                            color=FAINT,
+                            color=MUTED,
                             lw=2,
                             label="_",
                         )
-            error.plot([], [], color=FAINT, lw=2, label="calibrated: 95 % below")
+            error.plot([], [], color=MUTED, lw=2, label="calibrated: 95 % below")
             for shift, name in ((-0.14, "S"), (0.0, "Ψ"), (0.14, "−U")):
                 _points(area, names, known, name, shift, "auroc")
-            area.axhline(0.5, color=FAINT, lw=1.3, ls=(0, (4, 3)), label="a coin")
+            area.axhline(0.5, color=MUTED, lw=1.3, ls=(0, (4, 3)), label="a coin")
             claimed.set_ylim(-0.03, 1.03)
             error.set_ylim(0, max(0.1, 1.05 * error.get_ylim()[1]))
             area.set_ylim(min(0.35, area.get_ylim()[0]), 1.02)
@@ -123,7 +122,7 @@ def views_png(samples: Samples, rows: Sequence[Row]) -> bytes:
                         f"no group of {MIN_SAMPLES} beliefs",
                         ha="center",
                         va="center",
-                        color=FAINT,
+                        color=MUTED,
                         transform=axes.transAxes,
                     )
                 counts = [len(part.of_views(name)) for name in names]
@@ -166,7 +165,7 @@ def settings_png(rows: Sequence[Row]) -> bytes:
             for name, shift in zip(names, shifts, strict=True):
                 _points(axes, settings, known, name, shift, figure, upright=False)
             if figure == "auroc":
-                axes.axvline(0.5, color=FAINT, lw=1.3, ls=(0, (4, 3)), label="a coin")
+                axes.axvline(0.5, color=MUTED, lw=1.3, ls=(0, (4, 3)), label="a coin")
                 axes.set_xlim(min(0.4, axes.get_xlim()[0]), 1.01)
             else:
                 axes.set_xlim(0, max(0.1, 1.05 * axes.get_xlim()[1]))
@@ -184,7 +183,7 @@ def settings_png(rows: Sequence[Row]) -> bytes:
 
 def _diagram(axes: Axes, below: Axes, part: Samples, name: str, row: Row | None) -> None:
     color = COLOR[name]
-    axes.plot([0, 1], [0, 1], color=FAINT, lw=1.3, ls=(0, (4, 3)), label="perfectly calibrated")
+    axes.plot([0, 1], [0, 1], color=MUTED, lw=1.3, ls=(0, (4, 3)), label="perfectly calibrated")
     axes.set_xlim(0, 1)
     axes.set_ylim(-0.02, 1.02)
     axes.tick_params(labelbottom=False)
@@ -193,7 +192,7 @@ def _diagram(axes: Axes, below: Axes, part: Samples, name: str, row: Row | None)
     below.grid(visible=False)
     if row is None:
         axes.text(
-            0.5, 0.5, f"fewer than {MIN_SAMPLES} beliefs", ha="center", va="center", color=FAINT
+            0.5, 0.5, f"fewer than {MIN_SAMPLES} beliefs", ha="center", va="center", color=MUTED
         )
         return
     score, truth = score_of(part, name), part.correct
@@ -212,13 +211,13 @@ def _diagram(axes: Axes, below: Axes, part: Samples, name: str, row: Row | None)
         f"widest gap {row.mce:.2f}    Brier {row.brier:.3f}    AUROC {_figure(row.auroc)}",
     ]
     axes.text(0, 1.025, "\n".join(lines), transform=axes.transAxes, va="bottom", fontsize=11,
-              linespacing=1.4, color=FAINT)  # fmt: skip
+              linespacing=1.4, color=MUTED)  # fmt: skip
     middle = (wide.low + wide.high) / 2
     right = np.rint(wide.true * wide.count)
     below.bar(middle, right, 0.088, color=color, lw=0)
-    below.bar(middle, wide.count - right, 0.088, bottom=right, color="#c9ced8", lw=0)
+    below.bar(middle, wide.count - right, 0.088, bottom=right, color=GRID, lw=0)
     for x, count in zip(middle, wide.count, strict=True):
-        below.text(x, count, f"{count}", ha="center", va="bottom", fontsize=9.5, color=FAINT)
+        below.text(x, count, f"{count}", ha="center", va="bottom", fontsize=9.5, color=MUTED)
     below.set_ylim(0, wide.count.max() * 1.32)
 
 

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from helios_eval.calibration.charts import STYLE
 from helios_eval.calibration.statistics import equal_width_edges, reliability
 from helios_eval.error_models.model_building import Built, NamesChecked
+from helios_eval.palette import BLUE, GREEN, GREY, VERMILION
 
 mpl.use("Agg")
 
-RIGHT, WRONG, BEFORE, AFTER = "#0072B2", "#D55E00", "#7b8494", "#009E73"
+RIGHT, WRONG, BEFORE, AFTER = BLUE, VERMILION, GREY, GREEN
 LEAST_BIN = 10  # names of a bin of the reliability diagram
 
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from helios_eval import palette
+
 CAUSES = (
     "object not found",
     "receptacle not found",
@@ -31,9 +33,9 @@ class Colour:
     dark: str
 
 
-INK = Colour("ink", "#1c2430", "#e7ebf0")
-MUTED = Colour("muted", "#5d6875", "#9aa6b3")
-LINE = Colour("line", "#d9dee5", "#343d49")
+INK = Colour("ink", palette.INK, "#e7ebf0")
+MUTED = Colour("muted", palette.MUTED, "#9aa6b3")
+LINE = Colour("line", palette.GRID, "#343d49")
 PAPER = Colour("paper", "#ffffff", "#151a21")
 
 _CAUSE_COLOURS: dict[str, Colour] = dict(
@@ -59,14 +61,14 @@ _CAUSE_COLOURS: dict[str, Colour] = dict(
 _OTHER = Colour("c-other", "#b9bec6", "#6c7480")
 
 SERIES = (
-    Colour("s-0", "#0072b2", "#4da6e0"),
-    Colour("s-1", "#d55e00", "#f08a3c"),
-    Colour("s-2", "#009e73", "#2fc79b"),
-    Colour("s-3", "#cc79a7", "#dd93bd"),
+    Colour("s-0", palette.BLUE, "#4da6e0"),
+    Colour("s-1", palette.VERMILION, "#f08a3c"),
+    Colour("s-2", palette.GREEN, "#2fc79b"),
+    Colour("s-3", palette.PINK, "#dd93bd"),
     Colour("s-4", "#7a6a00", "#d8c545"),
-    Colour("s-5", "#56b4e9", "#86cdf5"),
+    Colour("s-5", palette.SKY, "#86cdf5"),
     Colour("s-6", "#4b3a8f", "#9c8be0"),
-    Colour("s-7", "#6b6f76", "#a3a8b0"),
+    Colour("s-7", palette.GREY, "#a3a8b0"),
 )
 
 ALL = (INK, MUTED, LINE, PAPER, *_CAUSE_COLOURS.values(), _OTHER, *SERIES)

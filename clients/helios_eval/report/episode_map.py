@@ -20,13 +20,14 @@ from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from helios_eval.episodes.failure_snapshot import FailureSnapshot, MarkedObject
+from helios_eval.palette import BLUE, GREEN, VERMILION
 
 SIZE_IN, DPI = 4.0, 110
 COLOURS = 64  # size of the PNG's palette
 MARGIN_M = 0.6
 EDGE_PX = 3  # between labels and the picture's edge
 UNKNOWN, FREE, OCCUPIED = (0.80, 0.82, 0.85), (1.0, 1.0, 1.0), (0.30, 0.34, 0.40)
-PATH, TRUTH, BELIEF = "#0072b2", "#00795a", "#d55e00"
+PATH, TRUTH, BELIEF = BLUE, GREEN, VERMILION
 MOST_BELIEFS = 8
 
 

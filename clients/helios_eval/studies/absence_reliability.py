@@ -30,6 +30,7 @@ from matplotlib import pyplot as plt
 
 from helios_eval.episodes import episode_record
 from helios_eval.episodes.episode_record import AbsenceEstimate, EpisodeRecord
+from helios_eval.palette import BLUE, GRID, INK, MUTED, VERMILION
 from helios_eval.report.interval_statistics import Interval, wilson
 from helios_eval.report.number_format import share
 
@@ -38,7 +39,6 @@ mpl.use("Agg")
 BORDERS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 1.0)
 THRESHOLDS = (0.3, 0.4, 0.5, 0.55, 0.6, 0.65, 0.7)
 PRIOR = 0.2
-INK, CLAIM = "#22262e", "#0072B2"
 
 
 @dataclass(frozen=True)
@@ -124,8 +124,8 @@ def markdown(bins: Sequence[Bin], found: Sequence[Claims], records: int) -> str:
 def chart(bins: Sequence[Bin], found: Sequence[Claims], file: Path) -> None:
     """Reliability on the left, claims by threshold on the right."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.0), layout="constrained")
-    left.plot([0, 1], [0, 1], color="#7b8494", lw=1.2, ls=(0, (4, 3)))
-    left.plot([b.mean for b in bins], [b.absent_share for b in bins], "o-", color=CLAIM)
+    left.plot([0, 1], [0, 1], color=MUTED, lw=1.2, ls=(0, (4, 3)))
+    left.plot([b.mean for b in bins], [b.absent_share for b in bins], "o-", color=BLUE)
     for b in bins:
         left.annotate(
             f"{b.present}, {b.absent}",
@@ -144,8 +144,8 @@ def chart(bins: Sequence[Bin], found: Sequence[Claims], file: Path) -> None:
     left.set_title("Is it right? (present, absent)", loc="left", fontsize=11)
     x = [c.threshold for c in found]
     for name, color, of in (
-        ("absent objects, called absent", CLAIM, [c.absent for c in found]),
-        ("present objects, called absent", "#D55E00", [c.present for c in found]),
+        ("absent objects, called absent", BLUE, [c.absent for c in found]),
+        ("present objects, called absent", VERMILION, [c.present for c in found]),
     ):
         right.plot(x, [100 * i.value for i in of], "o-", color=color, label=name)
         right.fill_between(
@@ -155,7 +155,7 @@ def chart(bins: Sequence[Bin], found: Sequence[Claims], file: Path) -> None:
     right.legend(frameon=False, fontsize=9)
     for axes in (left, right):
         axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(color="#e4e7ec")
+        axes.grid(color=GRID)
     with replacing(file) as part, part.open("wb") as out:
         figure.savefig(out, format="png", dpi=120)
     plt.close(figure)

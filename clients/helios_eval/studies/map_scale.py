@@ -45,6 +45,7 @@ from helios_eval.bench.object_map_benchmarks import (
     tiled_map,
 )
 from helios_eval.bench.synthetic_flat import frames
+from helios_eval.palette import GREEN
 
 mpl.use("Agg")
 T = TypeVar("T")
@@ -220,7 +221,7 @@ def draw(rows: Sequence[Scale], path: Path) -> None:
         if not own:
             continue
         ms = [r.step_ms for r in own]
-        axis.plot([r.size for r in own], ms, color="#117755", marker="o", ms=5)
+        axis.plot([r.size for r in own], ms, color=GREEN, marker="o", ms=5)
         axis.set(xscale="log", xlabel=label, ylabel="CPU ms of a step", ylim=(0, 1.6 * max(ms)))
         if len(own) > 1:
             power = f"size to the power {slope(own):.3f}"

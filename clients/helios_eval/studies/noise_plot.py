@@ -22,11 +22,13 @@ from helios_detector.simulation.frame_noise import load_noise
 from helios_detector.simulation.view_noise import SECTORS, key_of, keys_of, normal_draws
 from helios_detector.simulation.view_noise_table import Kind, ViewNoiseTable
 
+from helios_eval.palette import GREEN, GREY, VERMILION
+
 mpl.use("Agg")
 
 THRESHOLDS = {"object": 0.25, "start": 0.35, "goal": 0.45}  # Table 3 of the paper
 SIZES_PX = (100, 350, 1400, 10000)
-COLORS: dict[Kind, str] = {"true": "#1b6e3c", "confused": "#cb5a2c", "false": "#777777"}
+COLORS: dict[Kind, str] = {"true": GREEN, "confused": VERMILION, "false": GREY}
 DISTANCE_M = 2.5
 SAMPLES = 4000
 
@@ -95,7 +97,7 @@ def _rates(table: ViewNoiseTable, names: list[str], axes) -> None:
     axes[0].set_yticklabels(names, fontsize=8)
     axes[0].legend(loc="upper right", fontsize=9, framealpha=0.95)
     axes[0].set_ylim(len(names) - 0.4, -0.6)
-    axes[1].barh(rows, [table.confuse(name) for name in names], 0.8, color="#cb5a2c")
+    axes[1].barh(rows, [table.confuse(name) for name in names], 0.8, color=VERMILION)
     axes[1].set(title="taken for another", xlim=(0, 1))
     for each in axes:
         each.grid(axis="x", alpha=0.3)

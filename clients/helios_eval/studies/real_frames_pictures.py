@@ -13,14 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from helios_eval.palette import BLUE, GREEN, GREY, INK, ORANGE, PINK, SKY, VERMILION
 from helios_eval.studies.real_frames_beliefs import EpisodeProgress, names_in
 
 BELIEVED = 0.5  # the planner's acceptance threshold for Psi
 CLAIMED = 2.0  # times the probability of an undetected class, from which a class claims an object
 WIDE = 5.0  # numbers of Gaussians that differ by more than this factor get a log scale
-COLORS = ("#117755", "#0072b2", "#d55e00", "#cc79a7", "#e69f00", "#56b4e9", "#444b54")
+COLORS = (GREEN, BLUE, VERMILION, PINK, ORANGE, SKY, INK)
 STYLES = ("-", ":", "-.", (0, (4, 1)), (0, (1, 3)))  # Psi first, then rival classes
-GREY = "#6b7280"
 WIDTH_IN, DPI = 9.0, 110
 
 

@@ -12,11 +12,12 @@ from helios_core.atomic_file import replacing, write_file
 from helios_sim.assets.asset_pack import Model
 from numpy.typing import NDArray
 
+from helios_eval.palette import SKY, VERMILION
 from helios_eval.studies.realism_judging import Judged, Row
 
 mpl.use("Agg")
 
-COLORS = {"parametric": "#7f9bb3", "realistic": "#cb5a2c"}
+COLORS = {"parametric": SKY, "realistic": VERMILION}
 RIGHT_RGB, WRONG_RGB = (70, 220, 100), (255, 120, 90)
 TILES_EACH = 6
 TILE_PX = (480, 360)  # width, height

@@ -11,6 +11,7 @@ import matplotlib as mpl
 import numpy as np
 from helios_core.atomic_file import replacing
 
+from helios_eval.palette import BLUE, GREEN, GREY, PINK, VERMILION
 from helios_eval.studies.detector_errors.error_summary import (
     DISTANCES_M,
     PIXELS,
@@ -23,7 +24,7 @@ from helios_eval.studies.detector_errors.repeat_rates import ANGLES_DEG, RepeatR
 
 mpl.use("Agg")
 
-COLORS = ("#1b6e3c", "#cb5a2c", "#37638f", "#8a6fb0", "#777777")
+COLORS = (GREEN, VERMILION, BLUE, PINK, GREY)
 LEAST_REPEATS = 30  # a share of fewer pairs is not given
 
 

@@ -11,12 +11,12 @@ from helios_core.atomic_file import replacing
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from helios_eval.palette import BLUE, GREEN, GREY, VERMILION
 from helios_eval.studies.map_growth.full_scene_comparison import Growth
 from helios_eval.studies.map_growth.long_run import LongRunResult
 from helios_eval.studies.map_growth.update_cost import Cost
 
 mpl.use("Agg")
-GREY, BLUE, GREEN, ORANGE = "#444b54", "#0072b2", "#117755", "#d55e00"
 WIDTH_IN, DPI = 9.0, 110
 
 
@@ -51,7 +51,7 @@ def scene(runs: Mapping[str, Growth], path: Path) -> None:
     from matplotlib import pyplot as plt
 
     figure, axes = plt.subplots(1, 3, figsize=(WIDTH_IN, 3.2), dpi=DPI, layout="constrained")
-    for (name, run), color in zip(runs.items(), (BLUE, ORANGE), strict=True):
+    for (name, run), color in zip(runs.items(), (BLUE, VERMILION), strict=True):
         axes[0].plot(run.gaussians / 1e3, color=color, label=name)
         axes[1].plot(run.mb, color=color)
         axes[2].plot(_smooth(run.cpu_ms), color=color)
@@ -71,7 +71,7 @@ def memory(mb: Mapping[str, NDArray[np.float64]], path: Path) -> None:
 
     episodes = max(len(values) for values in mb.values())
     figure, axis = plt.subplots(figsize=(WIDTH_IN * 0.7, 3.6), dpi=DPI, layout="constrained")
-    for (name, values), color in zip(mb.items(), (BLUE, ORANGE), strict=True):
+    for (name, values), color in zip(mb.items(), (BLUE, VERMILION), strict=True):
         low, high = np.quantile(values, (0.1, 0.9), axis=0)
         steps = np.arange(values.shape[1])
         axis.fill_between(steps, low, high, color=color, alpha=0.2, lw=0)
