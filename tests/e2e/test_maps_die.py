@@ -44,8 +44,8 @@ class Watched:
         self.works_on()
 
     def works_on(self) -> None:
-        """Submit the task (again) unless it is running."""
-        if not self.task or self.stack.task(self.task)["state"] != "running":
+        """Submit the task, or submit it again if it has ended."""
+        if not self.task or self.stack.task(self.task)["ended_s"] is not None:
             self.task = self.stack.post("/v1/tasks", {"instruction": self.instruction})["id"]
 
     def objects(self) -> pb.ObjectsReply:
