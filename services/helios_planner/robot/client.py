@@ -59,8 +59,8 @@ log = logging.getLogger(__name__)
 
 ACK_PATIENCE_S = 6.0  # then a new keyframe is taken: a service that restarted has lost it
 MOST_REFUSALS = 5  # keyframes in a row that a map refuses before the task fails
-# What gives map2d its first keyframe after a restart; while the robot shows what it holds, the maps
-# leave its images out, and it must move first
+# Actions that give map2d a first keyframe after a restart. The turn is needed while the robot shows
+# what it holds: until it moves, the maps leave its images out.
 NEW_MAP_ACTIONS = (Observe(), Turn(0.3))
 MOST_OFF_MAP_M = 50.0  # the map holds the place of every keyframe, so a right pose is on it
 ANSWERED_BY = {  # part of a keyframe's acknowledgements -> service to check when it is missing
