@@ -20,7 +20,7 @@ from helios_gateway.error_responses import NotFound
 from helios_gateway.faults import findings
 from helios_gateway.faults.black_box import BlackBox
 from helios_gateway.faults.fault_files import FaultFiles, RecordingNote
-from helios_gateway.faults.life_cycle import Fault, FaultBook, FaultState, Finding
+from helios_gateway.faults.life_cycle import Fault, FaultRegistry, FaultState, Finding
 
 log = logging.getLogger(__name__)
 
@@ -45,7 +45,7 @@ class FaultMonitor:
         self._files = None if folder is None else FaultFiles(folder, limit_bytes)
         faults, notes = ([], []) if self._files is None else self._files.read()
         self._lock = threading.Lock()  # guards the attributes below
-        self._book = FaultBook(faults)
+        self._registry = FaultRegistry(faults)
         self._notes = {note.name: note for note in notes}
         self._restarts: dict[str, int] = {}  # by process, of all supervisors
         self._told_tasks = deque((t for note in notes for t in note.tasks), maxlen=256)
@@ -60,7 +60,7 @@ class FaultMonitor:
     def observe(self, present: Iterable[Finding]) -> None:
         """Take the conditions that are present now."""
         with self._lock:
-            changed = self._book.observe(self._clock(), present)
+            changed = self._registry.observe(self._clock(), present)
             self._follow(changed)
         self._publish(changed)
 
@@ -68,7 +68,7 @@ class FaultMonitor:
         """Take the restarts of processes."""
         with self._lock:
             found, self._restarts = findings.restarts(self._restarts, status)
-            changed = [f for finding in found for f in self._book.occur(self._clock(), finding)]
+            changed = [f for finding in found for f in self._registry.occur(self._clock(), finding)]
             self._follow(changed)
         self._publish(changed)
 
@@ -82,25 +82,25 @@ class FaultMonitor:
                 return
             self._told_tasks.append(task.id)
             if task.state == "failed":
-                changed = self._book.occur(now_s, findings.failed_task(task))
+                changed = self._registry.occur(now_s, findings.failed_task(task))
                 self._follow(changed, task.id)
             else:
-                of_tasks = [f.id for f in self._book.faults() if f.source == findings.TASK]
-                changed = self._book.clear(now_s, of_tasks)
+                of_tasks = [f.id for f in self._registry.faults() if f.source == findings.TASK]
+                changed = self._registry.clear(now_s, of_tasks)
                 self._follow(changed)
         self._publish(changed)
 
     def clear(self, id: str) -> Fault:
         """Clear a fault. Raises NotFound for an unknown one, Conflict if it is still present."""
         with self._lock:
-            fault = self._book.get(id)
+            fault = self._registry.get(id)
             if fault is None:
                 raise NotFound(f"there is no fault {id[:80]!r}; list them with GET /v1/faults")
             if fault.present:
                 raise Conflict(f"{id} is still present: {fault.message}; mend that first")
-            changed = self._book.clear(self._clock(), [id])
+            changed = self._registry.clear(self._clock(), [id])
             self._follow(changed)
-            fault = self._book.get(id)
+            fault = self._registry.get(id)
             assert fault is not None
         self._publish(changed)
         return fault
@@ -108,7 +108,7 @@ class FaultMonitor:
     # --- output --------------------------------------------------------------------------------
     def faults(self) -> tuple[Fault, ...]:
         with self._lock:
-            return self._book.faults()
+            return self._registry.faults()
 
     def recordings(self) -> tuple[RecordingNote, ...]:
         """Recordings, newest first."""
@@ -141,7 +141,7 @@ class FaultMonitor:
             if fault.state is FaultState.CONFIRMED and (task_id or self._is_due(fault, now_s)):
                 self._record(fault, task_id, now_s)
         if changed and self._files is not None:
-            self._files.write(self._book.faults(), list(self._notes.values()))
+            self._files.write(self._registry.faults(), list(self._notes.values()))
 
     def _is_due(self, fault: Fault, now_s: float) -> bool:
         made_s = [note.made_s for note in self._notes.values() if fault.id in note.faults]
@@ -171,7 +171,7 @@ class FaultMonitor:
             note = self._notes.pop(name, None) or RecordingNote(name, self._clock())
             if saved:
                 self._notes[name] = replace(note, bytes=len(data))
-            self._files.write(self._book.faults(), list(self._notes.values()))
+            self._files.write(self._registry.faults(), list(self._notes.values()))
 
     def _publish(self, changed: Iterable[Fault]) -> None:
         for fault in changed:

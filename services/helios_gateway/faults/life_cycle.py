@@ -69,7 +69,7 @@ class Fault:
     keep_s: float | None = None
 
 
-class FaultBook:
+class FaultRegistry:
     """Known faults. Not thread-safe.
 
     Every method returns the faults whose state or count it has changed.

@@ -104,9 +104,9 @@ class TaskRegistry:
             return False
         return True
 
-    def pulse(self) -> None:
+    def heartbeat(self) -> None:
         """Store that the planner is alive now."""
-        self._store.pulse(time.time())
+        self._store.heartbeat(time.time())
 
     def mend(self) -> None:
         """Write the outdated tasks, and publish the ends that waited for it."""
@@ -150,7 +150,7 @@ class TaskRegistry:
                 self._tell_end(ended.with_(message=f"{ended.message}; {NOT_KEPT}"))
             else:
                 self._leave(id, "was stopped while the task ran; submit it again")
-        self._store.pulse(0.0)
+        self._store.heartbeat(0.0)
         self._store.close()
 
     def _leave(self, id: str, why: str) -> None:

@@ -13,7 +13,7 @@ from helios_gateway.faults.life_cycle import (
     MOST_FAULTS,
     OFTEN,
     Fault,
-    FaultBook,
+    FaultRegistry,
     FaultState,
     Finding,
 )
@@ -25,73 +25,73 @@ FAILED = Finding("task", "object-not-found", "no mug was found")
 EVENT = Finding("map2d", "restarted", "ended by SIGKILL", keep_s=60.0)
 
 
-def only(book: FaultBook) -> Fault:
-    (fault,) = book.faults()
+def only(registry: FaultRegistry) -> Fault:
+    (fault,) = registry.faults()
     return fault
 
 
 def test_a_condition_that_lasts_is_confirmed_and_cleared_after_it_has_gone() -> None:
-    book = FaultBook()
-    (raised,) = book.observe(100.0, [DEGRADED])
+    registry = FaultRegistry()
+    (raised,) = registry.observe(100.0, [DEGRADED])
     assert (raised.id, raised.state, raised.count) == ("detector-degraded", FaultState.RAISED, 1)
-    assert not book.observe(100.0 + CONFIRM_S - 0.1, [DEGRADED])
-    (confirmed,) = book.observe(100.0 + CONFIRM_S, [DEGRADED])
+    assert not registry.observe(100.0 + CONFIRM_S - 0.1, [DEGRADED])
+    (confirmed,) = registry.observe(100.0 + CONFIRM_S, [DEGRADED])
     assert (confirmed.state, confirmed.confirmed_s) == (FaultState.CONFIRMED, 100.0 + CONFIRM_S)
-    assert not book.observe(110.0, [DEGRADED])
-    assert not book.observe(111.0, [])
-    assert not book.observe(110.0 + CLEAR_S - 0.1, [])
-    (cleared,) = book.observe(110.0 + CLEAR_S, [])
+    assert not registry.observe(110.0, [DEGRADED])
+    assert not registry.observe(111.0, [])
+    assert not registry.observe(110.0 + CLEAR_S - 0.1, [])
+    (cleared,) = registry.observe(110.0 + CLEAR_S, [])
     assert (cleared.state, cleared.last_s, cleared.count) == (FaultState.CLEARED, 110.0, 1)
 
 
 def test_a_short_condition_is_never_confirmed_unless_it_comes_often() -> None:
-    book = FaultBook()
+    registry = FaultRegistry()
     for number in range(OFTEN):
-        book.observe(10.0 + number, [DEGRADED])
-        state = only(book).state
-        book.observe(10.5 + number, [])
+        registry.observe(10.0 + number, [DEGRADED])
+        state = only(registry).state
+        registry.observe(10.5 + number, [])
         assert (state is FaultState.CONFIRMED) == (number == OFTEN - 1)
-    assert only(book).count == OFTEN
+    assert only(registry).count == OFTEN
 
 
 def test_a_fault_that_returns_after_it_was_cleared_is_raised_again() -> None:
-    book = FaultBook()
+    registry = FaultRegistry()
     for begin in (0.0, 100.0):
-        book.observe(begin, [DEGRADED])
-        book.observe(begin + 1, [])
-        book.observe(begin + 50, [])
-        assert only(book).state is FaultState.CLEARED
-    again = book.observe(200.0, [DEGRADED])[0]
+        registry.observe(begin, [DEGRADED])
+        registry.observe(begin + 1, [])
+        registry.observe(begin + 50, [])
+        assert only(registry).state is FaultState.CLEARED
+    again = registry.observe(200.0, [DEGRADED])[0]
     assert (again.state, again.count, again.episode) == (FaultState.RAISED, 3, 1)
     assert (again.first_s, again.raised_s, again.cleared_s) == (0.0, 200.0, 0.0)
 
 
 def test_an_event_is_confirmed_at_once_and_counted() -> None:
-    book = FaultBook()
+    registry = FaultRegistry()
     for now_s in (1.0, 2.0):
-        (fault,) = book.occur(now_s, FAILED)
+        (fault,) = registry.occur(now_s, FAILED)
         assert fault.state is FaultState.CONFIRMED
-    assert only(book).count == 2
-    assert not book.observe(1e6, [])  # a failed task is not well again by itself
-    (cleared,) = book.clear(1e6, ["task-object-not-found"])
+    assert only(registry).count == 2
+    assert not registry.observe(1e6, [])  # a failed task is not well again by itself
+    (cleared,) = registry.clear(1e6, ["task-object-not-found"])
     assert cleared.state is FaultState.CLEARED
-    assert not book.clear(1e6, ["task-object-not-found", "no-such"])
+    assert not registry.clear(1e6, ["task-object-not-found", "no-such"])
 
 
 def test_an_event_with_a_time_is_cleared_after_it() -> None:
-    book = FaultBook()
-    book.occur(0.0, EVENT)
-    assert not book.observe(59.0, [])
-    assert book.observe(60.0, [])[0].state is FaultState.CLEARED
+    registry = FaultRegistry()
+    registry.occur(0.0, EVENT)
+    assert not registry.observe(59.0, [])
+    assert registry.observe(60.0, [])[0].state is FaultState.CLEARED
 
 
 def test_confirmed_faults_come_first_and_the_book_is_limited() -> None:
-    book = FaultBook()
+    registry = FaultRegistry()
     for number in range(2 * MOST_FAULTS):
-        book.occur(float(number), Finding(f"s{number}", "restarted", "", keep_s=0.0))
-        book.observe(number + 0.5, [])
-    book.occur(1e6, FAILED)
-    faults = book.faults()
+        registry.occur(float(number), Finding(f"s{number}", "restarted", "", keep_s=0.0))
+        registry.observe(number + 0.5, [])
+    registry.occur(1e6, FAILED)
+    faults = registry.faults()
     assert len(faults) == MOST_FAULTS
     assert faults[0].id == "task-object-not-found"
 
@@ -106,25 +106,25 @@ finding_sets = st.lists(
 def test_the_order_of_states_and_times_holds_for_any_sequence(
     given_steps: list[tuple[float, set[str], bool]],
 ) -> None:
-    book, now_s, occurrences = FaultBook(), 1.0, 0
+    registry, now_s, occurrences = FaultRegistry(), 1.0, 0
     before: set[str] = set()
     for step_s, present, event in given_steps:
         now_s += step_s
         occurrences += len(present - before)
         before = present
-        changed = book.observe(now_s, [Finding(name, "degraded", "") for name in present])
+        changed = registry.observe(now_s, [Finding(name, "degraded", "") for name in present])
         assert len({fault.id for fault in changed}) == len(changed)
         if event:
             occurrences += 1
-            book.occur(now_s, FAILED)
-        for fault in book.faults():
+            registry.occur(now_s, FAILED)
+        for fault in registry.faults():
             assert fault.first_s <= fault.raised_s <= fault.last_s <= now_s
             if fault.state is FaultState.CONFIRMED:
                 assert fault.raised_s <= fault.confirmed_s <= now_s
             if fault.source in present:
                 assert fault.present
                 assert fault.state is not FaultState.CLEARED
-    assert sum(fault.count for fault in book.faults()) == occurrences
+    assert sum(fault.count for fault in registry.faults()) == occurrences
 
 
 def status(**restarts: int) -> pb.SupervisorStatus:
