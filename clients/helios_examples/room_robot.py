@@ -65,7 +65,7 @@ class RoomRobot(RobotDriver):
             return self._move(0.0, action.angle_rad)
         if isinstance(action, Tilt):
             self._tilt_rad = min(max(action.angle_rad, -0.3), 1.0)
-        return "" if isinstance(action, Tilt | Observe) else "it has no hand and never drives back"
+        return "" if isinstance(action, Tilt | Observe) else f"this robot cannot do {action}"
 
     def _move(self, ahead_m: float, left_rad: float) -> str:
         steps = math.ceil(max(abs(ahead_m) / STEP_M, abs(left_rad) / STEP_RAD, 1))

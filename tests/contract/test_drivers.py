@@ -27,6 +27,7 @@ from helios_core.robot import Action, ActionResult, Capture, Forward, Turn
 from helios_core.topics import ROBOT_STATE
 from helios_core.types import RobotState
 from helios_core.zenoh_bus import ZenohBus
+from helios_examples.arm_robot import ArmRobot
 from helios_examples.room_robot import CAMERA, RoomRobot
 from helios_replay.driver import ReplayDriver
 from helios_sim.driver import SimDriver
@@ -52,6 +53,21 @@ class TestExample(DriverContract):
             tolerance_rad=0.01,
             depth_tolerance_m=0.02,
             started_again=lambda: closing(RoomRobot()),
+        )
+
+
+class TestExampleWithAnArm(DriverContract):
+    """The arm robot of `helios_examples`."""
+
+    @classmethod
+    @contextmanager
+    def stand(cls) -> Iterator[Rig]:
+        yield Rig(
+            ArmRobot(),
+            tolerance_m=0.01,
+            tolerance_rad=0.01,
+            depth_tolerance_m=0.02,
+            started_again=lambda: closing(ArmRobot()),
         )
 
 

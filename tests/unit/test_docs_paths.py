@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import re
 import subprocess
@@ -198,6 +199,37 @@ def test_each_helios_command_and_its_options_exist() -> None:
     assert len(found) > 100
     wrong = {f"{command}: {fault}" for command in found if (fault := fault_of(command))}
     assert not wrong, "\n".join(sorted(wrong))
+
+
+def importable(dotted: str) -> bool:
+    """Whether a dotted name is a module, or an attribute of one."""
+    parts = dotted.split(".")
+    for end in range(len(parts), 0, -1):
+        try:
+            found: Any = importlib.import_module(".".join(parts[:end]))
+        except ModuleNotFoundError:
+            continue
+        try:
+            for name in parts[end:]:
+                found = getattr(found, name)
+        except AttributeError:
+            return False
+        return True
+    return False
+
+
+def test_each_dotted_name_of_our_packages_can_be_imported() -> None:
+    packages = "|".join(p.name for s in SOURCES for p in (ROOT / s).glob("helios_*"))
+    dotted = re.compile(rf"((?:{packages})(?:\.\w+)+)(?:\(.*\))?")
+    named = {
+        (page, found[1])
+        for page, text in PAGES.items()
+        for code in inline_code(text)
+        if (found := dotted.fullmatch(code)) and not found[1].endswith((".py", ".proto"))
+    }
+    assert len(named) > 20
+    wrong = sorted(f"{page}: {name}" for page, name in named if not importable(name))
+    assert not wrong, "\n".join(wrong)
 
 
 def source_of(module: str) -> Path | None:
