@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 import re
@@ -13,7 +12,7 @@ from collections import deque
 
 from helios_core import proto as pb
 from helios_core import tracing
-from helios_core.agent_presets import AGENT_NAMES, same_settings
+from helios_core.agent_presets import AGENT_NAMES
 from helios_core.bus import Bus
 from helios_core.errors import Conflict, DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.health import Health
@@ -37,7 +36,6 @@ from helios_core.topics import (
     ROBOT_DESCRIPTION,
     SUBMIT,
     VOCABULARY,
-    settings_method,
 )
 
 from helios_planner.agents import agent_named, fault_of
@@ -51,6 +49,11 @@ from helios_planner.tasks.messages import decision_from_proto, recomputed_to_pro
 from helios_planner.tasks.registry import Reservation, TaskRegistry, waiting_words
 from helios_planner.tasks.run_control import PauseControl
 from helios_planner.tasks.search_context import check_able, in_vocabulary
+from helios_planner.tasks.started_agents import (
+    OBJECT_MAP_SETTINGS,
+    reported_agent,
+    started_for_another,
+)
 from helios_planner.tasks.store import Store
 from helios_planner.warm_up import warm_up
 
@@ -236,28 +239,14 @@ class PlannerService:
         return name
 
     def _started_for_another(self, agent: str) -> str:
-        """Error message if planner or object map run with the settings of another agent; empty if a
-        task of the agent can run."""
-        started = {"planner": self._settings.agent, "object map": self._agent_of_object_map()}
-        others = {s: a for s, a in started.items() if a and not same_settings(agent, a)}
-        if not others:
-            return ""
-        changed = " and ".join(f"the {s} was started for {a!r}" for s, a in others.items())
-        both = set(started.values()) - {""}
-        instead = f", or submit the task for agent {both.pop()!r}" if len(both) == 1 else ""
-        return (
-            f"agent {agent!r} needs other settings: {changed}; start the services with helios up "
-            f"--agent {agent}{instead}"
-        )
-
-    def _agent_of_object_map(self) -> str:
-        """Agent that the object map was started for; empty if it does not answer."""
+        """See `started_for_another`. An object map that does not answer at once is asked again when
+        the task starts."""
         try:
-            reply = self._bus.call(settings_method("objectmap"), pb.Empty(), SETTINGS_S)
-            return str(json.loads(reply.json)["agent"]["value"])
-        except (Unavailable, DeadlineExceeded, ValueError, KeyError, TypeError) as error:
-            log.info("the object map does not say for which agent it was started: %s", error)
-            return ""
+            object_map = reported_agent(self._bus.call(OBJECT_MAP_SETTINGS, pb.Empty(), SETTINGS_S))
+        except (Unavailable, DeadlineExceeded) as error:
+            log.info("the agent of the object map is checked when the task starts: %s", error)
+            object_map = ""
+        return started_for_another(agent, self._settings.agent, object_map)
 
     def get(self, request: pb.TaskRequest) -> pb.Task:
         return task_to_proto(self._registry.known(request.id))
@@ -380,35 +369,27 @@ class PlannerService:
 
     def _run(self, id: str) -> None:
         assert self._description is not None
-        task = self._registry.known(id)
-        if said := self._started_for_another(task.agent):  # services may have changed
-            with self._lock:
-                self._holds.pop(id, None)
-                self._cancels.pop(id, None)
-            self._registry.end(id, State.FAILED, said, Cause.SYSTEM_ERROR)
-            return
-        began_s = task.started_s or time.time()
-        word = "goes on where it was" if task.started_s else "starting"
-        state = State.PAUSED if task.on_hold else State.RUNNING
-        word = HELD if task.on_hold else word
-        task = self._registry.change(id, state=state, started_s=began_s, message=word)
-        cancelled = self._cancels[id]
-        with self._lock:
-            hold = self._holds.setdefault(id, self._new_hold(id))
-        settings = for_task(self._settings, task.settings)
-        run = TaskExecutor(
-            self._bus,
-            settings,
-            self._description,
-            self._acks,
-            self._store,
-            self._registry,
-            task,
-            cancelled,
-            hold,
-        )
         try:
-            run.run()
+            task = self._registry.known(id)
+            began_s = task.started_s or time.time()
+            word = "goes on where it was" if task.started_s else "starting"
+            state = State.PAUSED if task.on_hold else State.RUNNING
+            word = HELD if task.on_hold else word
+            task = self._registry.change(id, state=state, started_s=began_s, message=word)
+            cancelled = self._cancels[id]
+            with self._lock:
+                hold = self._holds.setdefault(id, self._new_hold(id))
+            TaskExecutor(
+                self._bus,
+                for_task(self._settings, task.settings),
+                self._description,
+                self._acks,
+                self._store,
+                self._registry,
+                task,
+                cancelled,
+                hold,
+            ).run()
         finally:
             with self._lock:
                 self._holds.pop(id, None)

@@ -137,7 +137,8 @@ def recompute(decision: Decision, changes: Mapping[str, float]) -> Recomputed:
         if after is None or c.terms.get("class_score", math.inf) >= after
     )
     if reads is _GLOBAL:
-        again, certain = _global(decision, kept, used), not unseen
+        certain = not (unseen or _depends_on_agent(decision, kept))
+        again = _global(decision, kept, used)
     else:
         again, certain = _act_or_look(decision, kept, used)
     again = replace(again, settings=used | again.settings)
@@ -201,6 +202,13 @@ def _global(
     ]
     rule = by_objective if decision.rule == DecisionRule.BY_OBJECTIVE else receptacles_first
     return rule(receptacles, frontiers, as_memory(decision.memory), used["alpha_d"])
+
+
+def _depends_on_agent(decision: Decision, kept: Sequence[Candidate]) -> bool:
+    """True if all receptacles are dropped where two agents then choose differently among frontiers:
+    one by eq. 10, one by the lengths of paths, which are not stored."""
+    only_frontiers = all(c.kind == "frontier" for c in kept)
+    return decision.rule == DecisionRule.RECEPTACLES_FIRST and only_frontiers and len(kept) > 1
 
 
 def _act_or_look(

@@ -54,7 +54,7 @@ class LanguageModel:
             answer = json.loads(self._post(json.dumps(body).encode()))
             said = answer["choices"][0]["message"]["content"]
             found = json.loads(said[said.index("{") : said.rindex("}") + 1])
-        except (ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
             raise NoHelp("its answer is not what was asked for") from error
         sentence = found.get("sentence")
         if isinstance(sentence, str) and sentence:
@@ -71,11 +71,10 @@ class LanguageModel:
             request = urllib.request.Request(url, data=body, headers=headers, method="POST")
         except ValueError as error:
             raise NoHelp(f"its address {self.url!r} is none") from error
-        opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
         deadline_s = time.monotonic() + self.timeout_s
         parts: list[bytes] = []
         try:
-            with opener.open(request, timeout=self.timeout_s) as response:
+            with _opener().open(request, timeout=self.timeout_s) as response:
                 while part := response.read1(8192):
                     parts.append(part)
                     if time.monotonic() > deadline_s:
@@ -83,6 +82,11 @@ class LanguageModel:
                     if sum(map(len, parts)) > LONGEST_ANSWER_BYTES:
                         raise NoHelp("its answer is too long")
         except urllib.error.HTTPError as error:
+            if (target := error.headers.get("Location")) and error.code < 400:
+                raise NoHelp(
+                    f"it redirects to {target!r:.200}, which gets neither the sentence nor the "
+                    "key; set HELIOS_PLANNER_LLM_URL to that server if you trust it"
+                ) from error
             raise NoHelp(f"it answered {error.code} {error.reason}") from error
         except (OSError, HTTPException) as error:
             late = isinstance(error, TimeoutError) or isinstance(
@@ -91,6 +95,16 @@ class LanguageModel:
             why = f"no answer within {self.timeout_s:g} s" if late else "it cannot be reached"
             raise NoHelp(why) from error
         return b"".join(parts)
+
+
+def _opener() -> urllib.request.OpenerDirector:
+    """Opener without proxies that treats a redirect as an error: urllib would send the key on."""
+    opener = urllib.request.OpenerDirector()
+    opener.add_handler(urllib.request.HTTPHandler())
+    opener.add_handler(urllib.request.HTTPSHandler())
+    opener.add_handler(urllib.request.HTTPErrorProcessor())
+    opener.add_handler(urllib.request.HTTPDefaultErrorHandler())
+    return opener
 
 
 def language_model(settings: Settings) -> LanguageModel | None:

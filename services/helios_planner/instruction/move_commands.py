@@ -126,11 +126,16 @@ _COUNTS = {
     "six": 6.0, "seven": 7.0, "eight": 8.0, "nine": 9.0, "ten": 10.0, "fifteen": 15.0,
     "twenty": 20.0, "thirty": 30.0, "half an": 0.5, "half a": 0.5,
 }  # fmt: skip
-_DURATION = re.compile(
+_FOR = (
     r"\b(?:for|within|at most|up to|no longer than)"
     r"(?:\s+(?:at most|about|around|up to|the next|the))?\s+"
     rf"(?P<count>\d+(?:\.\d+)?|{'|'.join(sorted(_COUNTS, key=len, reverse=True))})\s*"
-    r"(?P<unit>seconds?|secs?|s|minutes?|mins?|hours?|h)\b"
+)
+_DURATION = re.compile(rf"{_FOR}(?P<unit>seconds?|secs?|s|minutes?|mins?|hours?|h)\b")
+# A singular unit may be part of a name: "look for a second mug".
+_TIME_LIMIT = re.compile(
+    rf"{_FOR}(?:(?:seconds|secs?|s|minutes|mins?|hours|h)\b"
+    r"|(?:second|minute|hour)\b(?=\s*(?:[.,;:!?]|$|(?:and|then|please)\b)))"
 )
 
 
@@ -191,15 +196,28 @@ def read_move(text: str) -> ReadMove | None:
     Raises InvalidInput for a motion without a task, and for a part of a home, since rooms are not
     distinguished.
     """
-    limit_s, rest = _without_duration(text.lower())
-    explored = _explore(_plain(rest), text)
-    if explored:
-        return ReadMove(Move.EXPLORE, limit_s)
+    plain = text.lower()
+    found = _DURATION.search(plain)
+    rest = plain if found is None else plain[: found.start()] + plain[found.end() :]
+    if _explore(_plain(rest), text):
+        return ReadMove(Move.EXPLORE, None if found is None else _seconds(found, text))
     words = _plain(text)
     if _is_home(words):
         return ReadMove(Move.HOME)
+    if _is_home(_plain(rest)):
+        refuse_time_limit(text)
     _refuse_unknown(words, text)
     return None
+
+
+def refuse_time_limit(text: str) -> None:
+    """Raises InvalidInput if a sentence that is not about exploring names a time limit."""
+    if found := _TIME_LIMIT.search(text.lower()):
+        raise InvalidInput(
+            f"{short(text)} names the time limit “{found[0]}”, and only “explore” takes one in "
+            "words; leave it out, and set time_limit_s of the task (helios task --time-limit-s "
+            "SECONDS)"
+        )
 
 
 def _plain(text: str) -> list[str]:
@@ -258,17 +276,14 @@ def _refuse_unknown(words: list[str], text: str) -> None:
         )
 
 
-def _without_duration(text: str) -> tuple[float | None, str]:
-    """Seconds, if a duration is named, and the text without it. Raises InvalidInput."""
-    found = _DURATION.search(text)
-    if found is None:
-        return None, text
-    count = _COUNTS.get(found["count"])
-    number = float(found["count"]) if count is None else count
-    unit = found["unit"]
+def _seconds(duration: re.Match[str], text: str) -> float:
+    """Length of a duration. Raises InvalidInput."""
+    count = _COUNTS.get(duration["count"])
+    number = float(duration["count"]) if count is None else count
+    unit = duration["unit"]
     seconds = number * _SECONDS[unit if unit in _SECONDS else unit.removesuffix("s")]
     if not 0 < seconds <= LONGEST_S:
         raise InvalidInput(
             f"{short(text)} names {seconds:g} s; wanted more than 0 s and at most {LONGEST_S:g} s"
         )
-    return seconds, text[: found.start()] + text[found.end() :]
+    return seconds

@@ -37,6 +37,7 @@ from helios_planner.instruction.move_commands import (
     confirm,
     find_point,
     read_move,
+    refuse_time_limit,
 )
 
 LONGEST = 400
@@ -106,6 +107,7 @@ def parse(text: str) -> Instruction:
     if not clauses or lexicon.language_of(words, surely=True):
         raise NotRead(no_verb(words, text))
     refuse_conditions(clauses, text)
+    refuse_time_limit(text)
     if all(c.verb is Verb.GO for c in clauses):
         return _go_to(clauses, text)
     return _move_or_find(clauses, text)
@@ -148,6 +150,7 @@ def _sent_to(written: Written, text: str) -> Instruction | None:
         return None
     point = confirm(written, short(text))
     refuse_conditions(clauses, text)
+    refuse_time_limit(text)
     goes = clauses[0].verb is Verb.GO or (
         clauses[0].verb_words in ("move", "return") and not noun(clauses[0].thing)
     )

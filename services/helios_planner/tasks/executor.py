@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ from dataclasses import replace
 from helios_core import proto as pb
 from helios_core.bus import Bus
 from helios_core.codec import context_to_proto
-from helios_core.errors import HeliosError
+from helios_core.errors import HeliosError, Unavailable
 from helios_core.heartbeat import HeartbeatSender
 from helios_core.keyframe_acks import KeyframeAcks, MapPart
 from helios_core.topics import CONTEXT, PLANNER_HEARTBEAT, VOCABULARY
@@ -27,6 +28,11 @@ from helios_planner.tasks.move_mission import MoveMission
 from helios_planner.tasks.registry import TaskRegistry, TaskReporter
 from helios_planner.tasks.run_control import Journal, PauseControl, TaskCalls, last_action
 from helios_planner.tasks.search_context import check_able, in_vocabulary, search_context
+from helios_planner.tasks.started_agents import (
+    OBJECT_MAP_SETTINGS,
+    reported_agent,
+    started_for_another,
+)
 from helios_planner.tasks.store import Entry, Store
 
 log = logging.getLogger(__name__)
@@ -64,6 +70,7 @@ class TaskExecutor:
         robot: RobotClient | None = None
         mission: Mission | MoveMission | None = None
         try:
+            self._check_agent()
             if not self._task.instruction.kind.only_moves:
                 self._named()
             check_able(self._task.instruction, self._robot)
@@ -76,6 +83,7 @@ class TaskExecutor:
             self._journal.checkpoint = mission.checkpoint
             self._journal.note()
             robot.begin()
+            self._check_agent()  # the object map may have been away before
             if isinstance(mission, Mission):
                 mission.hand.refuted = self._refuted(robot.world)
             message = mission.run() + _contacts(robot)
@@ -177,6 +185,18 @@ class TaskExecutor:
         )
         if self._journal.entry.checkpoint:
             mission.restore(self._journal.entry.checkpoint, last)
+
+    def _check_agent(self) -> None:
+        """Raises TaskFailed if the services were started for another agent than the task's. Waits
+        for an object map that is slow to answer; one that is away is not known."""
+        object_map = ""
+        if not self._task.instruction.kind.only_moves:
+            with contextlib.suppress(Unavailable):
+                reply = self._line().call(OBJECT_MAP_SETTINGS, pb.Empty(), refusals=(Unavailable,))
+                object_map = reported_agent(reply)
+        said = started_for_another(self._task.agent, self._settings.agent, object_map)
+        if said:
+            raise TaskFailed(Cause.SYSTEM_ERROR, said)
 
     def _named(self) -> None:
         """Translate the task's names to the detector's; waits for a detector that is away."""

@@ -27,7 +27,7 @@ from helios_planner.search.scored_search import ScoredSearch
 from helios_planner.search.unnamed_things import is_unnamed
 from helios_planner.search.view_selection import STOP_RULES, ViewPlanner
 from helios_planner.settings import Settings
-from helios_planner.task import Cause, ObjectAbsent, Phase, TaskFailed
+from helios_planner.task import Cause, ObjectAbsent, Phase, TaskFailed, TimeIsUp
 from helios_planner.tasks.run_control import LastAction
 
 
@@ -83,7 +83,8 @@ class Mission:
         return self._show(self._begun(search))
 
     def _bring(self) -> str:
-        """Pick the object and place it, also after it fell; returns the message of the task."""
+        """Pick the object and place it, also after it fell; returns the message of the task. A
+        time limit that passes after the placing does not fail the task."""
         i = self.instruction
         assert i.object
         assert i.goal
@@ -102,6 +103,10 @@ class Mission:
                 self.skills.count_fall(fall, i.object)
                 self.picked_at_m, self.hand.unchecked = None, False
                 self._fell = f"the {i.object} fell: {fall}"
+            except TimeIsUp:
+                if not self.placed:
+                    raise
+                self.seen_at_goal = False
         seen = "it is seen there" if self.seen_at_goal else "it was not seen there yet"
         return "; ".join([f"put the {i.object} on the {i.goal}", seen, *self.unsure.values()])
 

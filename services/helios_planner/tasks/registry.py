@@ -38,11 +38,14 @@ from helios_planner.tasks.store import Store
 log = logging.getLogger(__name__)
 
 MOST_LATE = 500
-UNPROVEN = (
-    "ended at a time when it could not write down how its tasks went, so it is not known how far "
-    "this one came; the robot goes on with nothing by itself: see what it holds, and submit the "
-    "task again"
+_SUBMIT_AGAIN = (
+    "so it is not known how far this one came; the robot goes on with nothing by itself: see what "
+    "it holds, and submit the task again"
 )
+AWAY = "was away for too long while the task ran; submit it again"
+UNPROVEN = f"ended at a time when it could not write down how its tasks went, {_SUBMIT_AGAIN}"
+OUTDATED = f"began another task later and has no end of this one, {_SUBMIT_AGAIN}"
+UNREADABLE = f"cannot read its journal of the task, {_SUBMIT_AGAIN}"
 NOT_KEPT = "this could not be kept: a planner that is restarted will not know it"
 PLACES = ("frontier", "receptacle")  # candidates that are places to visit
 LONGEST_RESERVATION_S = 600.0
@@ -76,7 +79,8 @@ class TaskRegistry:
         just_left = away_s <= self._settings.resume_within_s
         readable = filter(None, map(_readable, self._store.tasks()))
         self._tasks = {task.id: task for task in readable}
-        newest = max((t.started_s for t in self._tasks.values()), default=0.0)
+        under_way = [t for t in self._tasks.values() if t.state.under_way]
+        newest_s = max((t.started_s for t in under_way), default=0.0)
         again, queued = [], []
         for task in list(self._tasks.values()):
             if task.state is State.QUEUED:
@@ -85,10 +89,8 @@ class TaskRegistry:
                     self.change(task.id, on_hold=True, message=f"was queued before; {HELD}")
             elif not task.state.under_way:
                 continue
-            elif not just_left:
-                self._leave(task.id, "was away for too long while the task ran; submit it again")
-            elif not self._store.proven or task.started_s < newest or not self._resumable(task.id):
-                self._leave(task.id, UNPROVEN)
+            elif why := self._why_not_resumed(task, just_left, newest_s):
+                self._leave(task.id, why)
             else:
                 again.append(task.id)
                 state = State.PAUSED if task.on_hold else State.RUNNING
@@ -96,13 +98,21 @@ class TaskRegistry:
         self.mend()
         return [*again, *queued]
 
-    def _resumable(self, id: str) -> bool:
+    def _why_not_resumed(self, task: Task, just_left: bool, newest_s: float) -> str:
+        """Why a task under way ends at the start; empty if it resumes. newest_s: start of the
+        newest task under way."""
+        if not just_left:
+            return AWAY
+        if not self._store.proven:
+            return UNPROVEN
+        if task.started_s < newest_s:
+            return OUTDATED
         try:
-            self._store.entry(id)
+            self._store.entry(task.id)
         except ValueError as error:
-            log.error("the journal of task %s cannot be read: %s", id, error)
-            return False
-        return True
+            log.error("the journal of task %s cannot be read: %s", task.id, error)
+            return UNREADABLE
+        return ""
 
     def heartbeat(self) -> None:
         """Store that the planner is alive now."""
@@ -219,8 +229,11 @@ class TaskRegistry:
 
     def cancel(self, id: str) -> None:
         """Mark a running task to end. This is stored at once: if the planner dies before the task
-        ends, the next planner does not resume it."""
+        ends, the next planner does not resume it. A task that has ended does not change."""
         with self._lock:
+            task = self._tasks.get(id)
+            if task is None or task.state.ended:
+                return
             self._cancelled.add(id)
         self._keep(id, safe=True)
 

@@ -214,6 +214,7 @@ check if there is a mug on the table   | mug | table
 serach for the mug                     | mug |
 can you see if there's a banana on the counter     | banana | counter
 search the house for a fire extinguisher           | fire extinguisher |
+search the desk for a second mug                   | second mug | desk
 Find my keys, they are on the sofa                 | keys | sofa
 """
 
@@ -418,6 +419,12 @@ explore and come back                               | submit a task for anything
 explore the table                                   | “table” is not what can be explored
 explore for 0 seconds                               | wanted more than 0 s
 explore for 100 hours                               | at most 86400 s
+Find the mug within 5 minutes                       | time limit “within 5 minutes”
+look for a second mug for at most 90 s              | set time_limit_s of the task
+go to the sofa for 30 hours                         | time limit “for 30 hours”
+bring the mug to the sofa for a minute, please      | time limit “for a minute”
+go to 3.2, 4.1 within two minutes                   | time limit “within two minutes”
+come back within 10 min                             | helios task --time-limit-s SECONDS
 map                                                 | no verb
 turn left                                           | no task for “turn”
 turn around                                         | “explore the home”, “come back”

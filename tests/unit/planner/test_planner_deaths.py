@@ -18,7 +18,7 @@ from helios_planner.service import PlannerService
 from helios_planner.task import State, Task
 from helios_planner.tasks.messages import task_to_proto
 from helios_planner.tasks.registry import TaskRegistry
-from helios_planner.tasks.store import Store
+from helios_planner.tasks.store import Entry, Store
 from planner_bus import ended, hasty, submit, task
 from planner_flat import GO, flat_with_mug
 from planner_group import PlannerGroup
@@ -201,6 +201,40 @@ def test_the_duration_of_a_pause_does_not_count_as_absence_of_the_planner(
     task_registry = TaskRegistry(bus, settings, Health(), store)
     assert task_registry.restore() == []
     assert task_registry.known("a").state is State.FAILED
+
+
+def restored(tmp_path: Path, *tasks: Task, unreadable: str = "") -> TaskRegistry:
+    """Return the registry of a planner that finds these tasks, after one that just died.
+    unreadable: id of a task whose journal is damaged."""
+    store = Store(tmp_path)
+    for stored in tasks:
+        store.put(task_to_proto(stored))
+    assert store.mend((), ())
+    if unreadable:
+        store.keep(unreadable, Entry())
+        with store._db:
+            store._db.execute("UPDATE journal SET memory = 'no JSON'")
+    store.close()
+    registry = TaskRegistry(MemoryBus(MemoryHub()), hasty(tmp_path), Health(), Store(tmp_path))
+    registry.restore()
+    return registry
+
+
+def test_a_task_resumes_though_the_clock_was_stepped_back_after_another_ended(
+    tmp_path: Path,
+) -> None:
+    move, now_s = parse("go to the sofa"), time.time()
+    past = Task("past", "go", move, State.SUCCEEDED, 9, now_s, started_s=now_s + 3600)
+    running = Task("running", "go", move, State.RUNNING, 9, now_s, started_s=now_s)
+    assert restored(tmp_path, past, running).known("running").state is State.RUNNING
+
+
+def test_a_task_with_an_unreadable_journal_fails_with_that_reason(tmp_path: Path) -> None:
+    now_s = time.time()
+    running = Task("a", "go", parse("go to the sofa"), State.RUNNING, 9, now_s, started_s=now_s)
+    found = restored(tmp_path, running, unreadable="a").known("a")
+    assert found.state is State.FAILED
+    assert "cannot read its journal of the task" in found.message
 
 
 def test_no_earlier_state_of_a_task_is_published_after_its_end(

@@ -19,10 +19,12 @@ Reply = Callable[[dict], tuple[int, bytes]]
 
 
 class Endpoint:
-    """A chat-completions server on loopback; `reply` maps a request to (status, body)."""
+    """A chat-completions server on loopback; `reply` maps a request to (status, body), `location`
+    is where it redirects to."""
 
     def __init__(self) -> None:
         self.reply: Reply = lambda _: (500, b"")
+        self.location = ""
         self.heard: list[tuple[str, str, dict]] = []
         self.hold = threading.Event()
         self.hold.set()
@@ -30,14 +32,18 @@ class Endpoint:
 
         class Handler(BaseHTTPRequestHandler):
             def do_POST(self) -> None:
-                body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+                body = json.loads(self.rfile.read(int(self.headers["Content-Length"] or 0)) or "{}")
                 endpoint.heard.append((self.path, self.headers.get("Authorization", ""), body))
                 endpoint.hold.wait(10)
                 status, answer = endpoint.reply(body)
                 self.send_response(status)
                 self.send_header("Content-Length", str(len(answer)))
+                if endpoint.location:
+                    self.send_header("Location", endpoint.location)
                 self.end_headers()
                 self.wfile.write(answer)
+
+            do_GET = do_POST  # what a followed redirect would send
 
             def log_message(self, format: str, *args: object) -> None:
                 return
@@ -54,8 +60,7 @@ def replies_with(content: str) -> Reply:
     return lambda _: (200, json.dumps(answer).encode())
 
 
-@pytest.fixture
-def endpoint() -> Iterator[Endpoint]:
+def serving() -> Iterator[Endpoint]:
     endpoint = Endpoint()
     thread = threading.Thread(target=endpoint.server.serve_forever, args=(0.02,), daemon=True)
     thread.start()
@@ -63,6 +68,10 @@ def endpoint() -> Iterator[Endpoint]:
     endpoint.hold.set()
     endpoint.server.shutdown()
     endpoint.server.server_close()
+
+
+endpoint = pytest.fixture(serving, name="endpoint")
+other_endpoint = pytest.fixture(serving, name="other_endpoint")
 
 
 def test_a_sentence_in_another_language_is_parsed_with_the_models_help(endpoint: Endpoint) -> None:
@@ -92,6 +101,8 @@ def test_the_model_is_not_asked_about_sentences_that_the_grammar_decides(
         (replies_with("I cannot do that"), "its answer is not what was asked for"),
         (replies_with('{"sentence": 7}'), "it has no sentence"),
         (replies_with("[1, 2]"), "its answer is not what was asked for"),
+        (replies_with('{"a": ' + "[" * 60_000 + "}"), "its answer is not what was asked for"),
+        (lambda _: (200, b"[" * 60_000), "its answer is not what was asked for"),
         (lambda _: (200, b"<html>"), "its answer is not what was asked for"),
         (lambda _: (200, b"{}"), "its answer is not what was asked for"),
         (lambda _: (503, b""), "it answered 503"),
@@ -106,6 +117,19 @@ def test_a_useless_answer_keeps_the_refusal_and_adds_its_reason(
         parse_with_help(GERMAN, endpoint.model())
     assert "it looks like German" in refusal.value.message
     assert f"the language model tiny did not help: {why}" in refusal.value.message
+
+
+@pytest.mark.parametrize("status", [301, 302, 303, 307, 308])
+def test_a_redirect_is_refused_so_that_no_other_server_gets_the_key(
+    endpoint: Endpoint, other_endpoint: Endpoint, status: int
+) -> None:
+    endpoint.reply = lambda _: (status, b"")
+    endpoint.location = f"{other_endpoint.url}/chat/completions"
+    with pytest.raises(InvalidInput) as refusal:
+        parse_with_help(GERMAN, endpoint.model())
+    assert f"it redirects to {endpoint.location!r}" in refusal.value.message
+    assert "set HELIOS_PLANNER_LLM_URL" in refusal.value.message
+    assert other_endpoint.heard == []
 
 
 def test_the_models_sentence_is_parsed_by_the_same_grammar(endpoint: Endpoint) -> None:

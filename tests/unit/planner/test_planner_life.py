@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import threading
+from typing import NoReturn
 
 import pytest
 from helios_core import proto as pb
-from helios_core.errors import Conflict, InvalidInput
+from helios_core.errors import Conflict, InvalidInput, Unavailable
 from helios_core.topics import CANCEL, DECISIONS, LIST_TASKS, PAUSE, RESUME, TASK
 from planner_bus import ended, submit, task
 from planner_flat import GO, flat_with_mug
@@ -116,6 +117,33 @@ def test_tasks_of_different_robots_run_in_parallel(group: PlannerGroup) -> None:
     assert (task(one, held).state, still.world.steps) == ("running", 0)
     still.gate.set()
     assert ended(one, held).steps == 5
+
+
+def test_a_task_that_cannot_be_set_up_leaves_nothing_in_the_service(
+    group: PlannerGroup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    group.peers(flat_with_mug())
+    bus = group.planner()
+
+    def unusable(*_: object) -> NoReturn:
+        raise Unavailable("tasks.sqlite cannot be read")
+
+    monkeypatch.setattr("helios_planner.service.TaskExecutor", unusable)
+    assert "cannot be read" in ended(bus, submit(bus, GO).id).message
+    planner = group.planners[-1]
+    assert (planner._holds, planner._cancels) == ({}, {})
+
+
+def test_a_late_cancel_leaves_nothing_of_an_ended_task(group: PlannerGroup) -> None:
+    group.peers(flat_with_mug())
+    bus = group.planner()
+    id = submit(bus, GO).id
+    state = ended(bus, id).state
+    task_registry = group.planners[-1]._registry
+    for late in (id, "forgotten"):
+        task_registry.cancel(late)
+    assert task_registry._cancelled == set()
+    assert task(bus, id).state == state == "succeeded"
 
 
 def test_only_the_newest_ended_tasks_are_kept(group: PlannerGroup) -> None:

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 from helios_core import proto as pb
-from helios_core.errors import Conflict
+from helios_core.errors import Conflict, DeadlineExceeded
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.robot import Action, ActionResult
 from helios_core.topics import LIST_TASKS, settings_method
 from helios_planner.service import PlannerService
 from planner_bus import Start, ended, hasty, submit
@@ -93,6 +94,50 @@ def test_a_queued_task_fails_if_the_planner_is_restarted_for_another_agent(
     finally:
         again.close()
         died.close()
+
+
+def test_a_task_waits_for_a_slow_object_map_and_fails_if_that_runs_for_another_agent(
+    start: Start,
+) -> None:
+    _, bus, peers = start(agent="helios")
+    asked = 0
+
+    def slow_at_first(_: pb.Empty) -> pb.SettingsReply:
+        nonlocal asked
+        asked += 1
+        if asked < 5:
+            raise DeadlineExceeded("objectmap/settings gave no answer in 1 s")
+        return pb.SettingsReply(json=settings_for("helios-paper"))
+
+    peers.bus.serve(settings_method("objectmap"), slow_at_first)
+    done = ended(bus, submit(bus).id)
+    assert (done.state, done.cause, done.steps) == ("failed", "system error", 0)
+    assert "the object map was started for 'helios-paper'" in done.message
+
+
+def test_a_task_fails_if_the_object_map_comes_back_for_another_agent(start: Start) -> None:
+    world = flat_with_mug()
+    act = world.act
+    _, bus, peers = start(world, agent="helios")
+
+    def back_meanwhile(action: Action) -> ActionResult:
+        serve_object_map_settings(peers, settings_for("helios-paper"))
+        return act(action)
+
+    world.act = back_meanwhile
+    done = ended(bus, submit(bus).id)
+    assert (done.state, done.steps) == ("failed", 1)  # it only looked
+    assert "the object map was started for 'helios-paper'" in done.message
+
+
+def test_a_motion_needs_no_answer_of_the_object_map(start: Start) -> None:
+    _, bus, peers = start(agent="helios")
+
+    def slow(_: pb.Empty) -> pb.SettingsReply:
+        raise DeadlineExceeded("objectmap/settings gave no answer in 1 s")
+
+    peers.bus.serve(settings_method("objectmap"), slow)
+    assert ended(bus, submit(bus, "come back").id).state == "succeeded"
 
 
 @pytest.mark.parametrize("reported", ["", "no JSON", "[]", "{}", '{"agent": 3}', '{"agent": {}}'])

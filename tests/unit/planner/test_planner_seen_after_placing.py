@@ -12,9 +12,9 @@ from helios_core.types import ObjectInstance
 from helios_planner.instruction.parser import parse
 from helios_planner.manipulation import PlacementCheck, seen_after
 from helios_planner.settings import Settings
-from helios_planner.task import Cause, TaskFailed
+from helios_planner.task import Cause, TaskFailed, TimeIsUp
 from helios_planner.tasks.mission import Mission
-from planner_flat import coffee_table, counter, flat, mug
+from planner_flat import MOVE, coffee_table, counter, flat, mug
 
 
 def instance(
@@ -111,6 +111,37 @@ def test_a_task_that_fails_before_the_check_still_records_that_it_placed_the_obj
     with pytest.raises(Unavailable):
         whole.run()
     assert whole.seen_at_goal is False
+
+
+@pytest.mark.parametrize("query", ["pose", "objects"])
+def test_a_time_limit_that_passes_after_the_placing_does_not_fail_the_task(query: str) -> None:
+    """`pose` is the first query after the placing, `objects` that of the check."""
+    world = flat([coffee_table(), counter(), mug()])
+    answer = getattr(world, query)
+
+    def until_placed(*names: str) -> object:
+        if world.released is not None:
+            raise TimeIsUp("the task's 60 s are used up")
+        return answer(*names)
+
+    setattr(world, query, until_placed)
+    whole = Mission(world, parse(MOVE), Settings())
+    assert whole.run() == "put the mug on the counter; it was not seen there yet"
+    assert whole.seen_at_goal is False
+
+
+def test_a_time_limit_that_passes_before_the_placing_fails_the_task() -> None:
+    world = flat([coffee_table(), counter(), mug()])
+    act = world.act
+
+    def until_held(action: Action) -> ActionResult:
+        if world.held():
+            raise TimeIsUp("the task's 60 s are used up")
+        return act(action)
+
+    world.act = until_held
+    with pytest.raises(TimeIsUp):
+        Mission(world, parse(MOVE), Settings()).run()
 
 
 def test_an_object_that_rolled_off_is_a_failure_though_the_robot_reports_success() -> None:

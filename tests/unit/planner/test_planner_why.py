@@ -31,6 +31,7 @@ from helios_planner.decisions.global_search import (
     ChosenFrontier,
     FirstSeen,
     SearchMemory,
+    by_distance,
     by_objective,
     drawn,
     frontier_scale,
@@ -209,6 +210,15 @@ def test_a_higher_class_threshold_drops_candidates_and_a_lower_one_is_not_certai
     assert higher.decision.chosen.kind == "frontier"
     lower = recompute(decision, {"cs_a": 0.1})
     assert (lower.flips, lower.certain) == (False, False)
+
+
+@pytest.mark.parametrize(("borders", "certain"), [(FRONTIERS, False), (FRONTIERS[:1], True)])
+def test_which_frontier_follows_the_receptacles_is_not_certain_as_no_path_is_stored(
+    borders: list[FrontierOption], certain: bool
+) -> None:
+    decision = stored(by_distance([TABLE, SHELF], borders, SearchMemory(), 0.001))
+    higher = recompute(decision, {"cs_a": 0.7})
+    assert (higher.flips, higher.certain) == (True, certain)
 
 
 @pytest.mark.parametrize(
