@@ -4,8 +4,10 @@
      "method": "POST", "path": "/v1/tasks", "request": "{\"instruction\": ...}", "status": 202,
      "answer": "{\"id\": ...}"}
 
-A thread writes the lines, so that a slow disk delays no request, least of all a stop. Refused
-requests are recorded, too. A WebSocket has one line when it opens and one when it ends.
+Threads write the lines, so that a slow disk delays no request, least of all a stop. Refused
+requests are recorded, too; those without a known key, where one is required, in a small file of
+their own: anyone can send any number of them. A WebSocket has one line when it opens and one when
+it ends.
 """
 
 from __future__ import annotations
@@ -37,6 +39,7 @@ CHANGING_SOCKETS = ("/robot/teleop", "/frames/ws")
 WITH_SECRET = ("/v1/session",)  # the body is an API key
 KEPT_BYTES = 1000  # of a body, of an answer and of a path
 FILE_BYTES, OLD_FILES = 50_000_000, 4  # then a new file begins; so many old ones are kept
+KEYLESS_BYTES = 5_000_000  # the same for requests without a known key
 WAITING = 10_000  # lines that wait for the disk; further ones are lost, with an error in the log
 
 
@@ -44,11 +47,31 @@ class AuditLog:
     """Open record; `close` writes what waits. Thread-safe."""
 
     def __init__(self, file: Path) -> None:
+        """Raises InvalidInput if the files cannot be written, or others may read them."""
+        keyless = file.with_name(f"{file.stem}-without-key{file.suffix}")
+        self._lines, self._keyless = _Lines(file, FILE_BYTES), _Lines(keyless, KEYLESS_BYTES)
+
+    def write(self, entry: dict[str, Any], keyless: bool = False) -> None:
+        """Add a line with the present time. keyless: about a request without the key that it
+        needs. Never blocks."""
+        now = dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        line = json.dumps({"at": now} | entry, ensure_ascii=False)
+        (self._keyless if keyless else self._lines).write(line)
+
+    def close(self) -> None:
+        self._lines.close()
+        self._keyless.close()
+
+
+class _Lines:
+    """A file, its older files, and the thread that writes them."""
+
+    def __init__(self, file: Path, most_bytes: int) -> None:
         """Raises InvalidInput if the file cannot be written, or others may read it."""
         try:
             if file.exists():
                 check_private(file)
-            handler = _File(file, maxBytes=FILE_BYTES, backupCount=OLD_FILES, encoding="utf-8")
+            handler = _File(file, maxBytes=most_bytes, backupCount=OLD_FILES, encoding="utf-8")
         except OSError as error:
             raise InvalidInput(
                 f"the record {file} cannot be written ({error.strerror}); choose another with "
@@ -59,10 +82,7 @@ class AuditLog:
         self._writer = QueueListener(self._waiting, handler)
         self._writer.start()
 
-    def write(self, entry: dict[str, Any]) -> None:
-        """Add a line with the present time. Never blocks."""
-        now = dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-        line = json.dumps({"at": now} | entry, ensure_ascii=False)
+    def write(self, line: str) -> None:
         try:
             self._waiting.put_nowait(logging.makeLogRecord({"msg": line}))
         except queue.Full:
@@ -123,7 +143,7 @@ class AuditMiddleware:
             await self._app(scope, noting_body, noting_answer)
         finally:
             said = "" if scope["path"].rstrip("/") in WITH_SECRET else asked.text()
-            self._audit.write(about | {"request": said, "status": status, "answer": answer.text()})
+            self._write(about | {"request": said, "status": status, "answer": answer.text()})
 
     async def _socket(self, scope: Scope, receive: Receive, send: Send) -> None:
         about = self._about(scope) | {"method": "WEBSOCKET"}
@@ -139,16 +159,19 @@ class AuditMiddleware:
             nonlocal opened
             if message["type"] == "websocket.accept":
                 opened = True
-                self._audit.write(about | {"status": 101, "answer": "opened"})
+                self._write(about | {"status": 101, "answer": "opened"})
             elif message["type"] == "websocket.http.response.start":
-                self._audit.write(about | {"status": message["status"], "answer": "refused"})
+                self._write(about | {"status": message["status"], "answer": "refused"})
             await send(message)
 
         try:
             await self._app(scope, counting, noting)
         finally:
             if opened:
-                self._audit.write(about | {"status": 0, "answer": f"ended, {messages} messages"})
+                self._write(about | {"status": 0, "answer": f"ended, {messages} messages"})
+
+    def _write(self, entry: dict[str, Any]) -> None:
+        self._audit.write(entry, keyless=self._keys.required and entry["who"] is None)
 
     def _about(self, scope: Scope) -> dict[str, Any]:
         """Who asks, from where, for which path."""

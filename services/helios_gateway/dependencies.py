@@ -45,6 +45,8 @@ class GatewayState:
     keys: ApiKeys
     metrics: Metrics
     stop_threads: CapacityLimiter
+    control_threads: CapacityLimiter
+    metrics_threads: CapacityLimiter
     frame_threads: CapacityLimiter
     frame_sockets: ConnectionSlots
     teleop_threads: CapacityLimiter

@@ -14,6 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from helios_gateway.fleet.queue import FleetQueue
 from helios_gateway.robot_registry import API_ROOT, ROBOT_ROOT, RobotRegistry
 
+METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")  # others count together
 BUCKETS_S = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 
 
@@ -131,7 +132,8 @@ class _Faults(Collector):
 class RequestMetrics:
     """ASGI middleware that counts and times requests.
 
-    The label is the pattern of the route, so that ids create no new series.
+    The labels are the pattern of the route and a known method, so that ids and made-up methods
+    create no new series.
     """
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
@@ -146,7 +148,9 @@ class RequestMetrics:
 
         def count(status: int) -> None:
             route = route_pattern(scope)
-            method = scope["method"] if route != "other" else "any"
+            method = scope["method"] if scope["method"] in METHODS else "other"
+            if route == "other":
+                method = "any"
             self._metrics.requests.labels(method, route, str(status)).inc()
             self._metrics.seconds.labels(method, route).observe(time.perf_counter() - began_s)
 

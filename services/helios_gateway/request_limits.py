@@ -27,7 +27,7 @@ UNLIMITED = ("/robot/stop",)  # no limit applies; the handler reads the body its
 LARGE = ("/frames",)  # image bodies; at most `MOST_LARGE` at a time
 MOST_LARGE = 8
 STALL_S = 3.0  # longest wait for the next bytes of a body
-MAPS = ("/map.zip",)  # map bodies; one at a time
+MAPS = ("/map.zip", "/map/ros.zip")  # large bodies of maps; one at a time
 MAP_BODY_S = 60.0
 STREAMS = (
     "/events",
@@ -35,6 +35,8 @@ STREAMS = (
     "/frames/ws",
     "/robot/teleop",
 )  # limited as open streams, not as concurrent requests
+# Counted apart from all others, so that nobody who only reads can block them.
+CONTROLS = re.compile(r"/robot/clear-stop|(?:/fleet)?/tasks/[^/]+/(?:cancel|pause|resume)")
 _LARGE_BODIES = {("POST", "/frames"): KeyScope.ROBOT, ("PUT", "/map.zip"): KeyScope.ADMIN}
 _ROBOT = re.compile(r"/v1(?:/robots/[^/]+)?(/.*)", re.DOTALL)
 
@@ -48,7 +50,7 @@ class LimitSettings:
     map_bytes: int  # of a map body
     body_s: float  # time limit for the arrival of a body
     requests_per_s: int  # per client
-    requests: int  # concurrent, of all clients
+    requests: int  # concurrent, of all clients; as many again to `CONTROLS`
     origins: tuple[str, ...] = ()  # other sites whose pages may use the API
 
     def of_body(self, method: str, path: str) -> tuple[int, float]:
@@ -70,7 +72,7 @@ class RequestLimits:
     def __init__(self, app: ASGIApp, bounds: LimitSettings, keys: ApiKeys) -> None:
         self._app, self._bounds, self._keys = app, bounds, keys
         self._rate = RequestRate(bounds.requests_per_s)
-        self._running = self._large = self._maps = 0
+        self._running = self._controls = self._large = self._maps = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "lifespan":
@@ -81,11 +83,13 @@ class RequestLimits:
             await _refuse(refusal, scope, receive, send)
             return
         path = _below_robot(scope)
-        counted = path not in (*STREAMS, *UNLIMITED)
+        control = scope["type"] == "http" and CONTROLS.fullmatch(path) is not None
+        counted = not control and path not in (*STREAMS, *UNLIMITED)
         large = path in LARGE
         a_map = path in MAPS
         for refused, running in (
             (counted and self._running >= self._bounds.requests, self._running),
+            (control and self._controls >= self._bounds.requests, self._controls),
             (large and self._large >= MOST_LARGE, self._large),
             (a_map and self._maps >= 1, self._maps),
         ):
@@ -93,12 +97,14 @@ class RequestLimits:
                 await _refuse(_busy(running), scope, receive, send)
                 return
         self._running += counted
+        self._controls += control
         self._large += large
         self._maps += a_map
         try:
             await self._with_body(scope, receive, send)
         finally:
             self._running -= counted
+            self._controls -= control
             self._large -= large
             self._maps -= a_map
 

@@ -106,6 +106,8 @@ class Gateway:
             log_level="warning",
             access_log=False,
             server_header=False,
+            proxy_headers=bool(settings.trusted_proxies),
+            forwarded_allow_ips=list(settings.trusted_proxies),
             timeout_graceful_shutdown=GRACE_S,
             limit_concurrency=settings.max_connections,
             ws_max_size=settings.frame_limit_bytes,  # per message
@@ -121,7 +123,10 @@ class Gateway:
         self._thread.start()
         address = f"http://{f'[{host}]' if ':' in host else host}:{port}/"
         log.info("dashboard at %s", address)
-        health.ready(address)
+        if queue.fault:
+            health.degraded(queue.fault)
+        else:
+            health.ready(queue.said or address)
 
     def _show_own_health(self, bus: Bus) -> None:
         """Show for every robot the health that this process reports on the first robot's bus."""

@@ -2,10 +2,26 @@
 
 from __future__ import annotations
 
+import ipaddress
 from pathlib import Path
+from typing import Annotated
 
 from helios_core.settings import RobotNames, ServiceSettings, service_config
-from pydantic import Field
+from pydantic import AfterValidator, Field
+
+
+def _networks(text: str) -> str:
+    for one in _names(text):
+        try:
+            ipaddress.ip_network(one)
+        except ValueError:
+            raise ValueError(
+                f"{one!r} is no IP address; give addresses or networks, such as 127.0.0.1"
+            ) from None
+    return text
+
+
+Networks = Annotated[str, AfterValidator(_networks)]  # comma-separated; may be empty
 
 
 class Settings(ServiceSettings):
@@ -33,7 +49,8 @@ class Settings(ServiceSettings):
     )
     audit: Path | None = Field(
         default=None,
-        description="file for a record of every change over HTTP, as JSON lines; none: no record",
+        description="file for a record of every change over HTTP, as JSON lines, beside one of the "
+        "requests without a key; none: no record",
     )
     faults: Path | None = Field(
         default=None,
@@ -54,6 +71,11 @@ class Settings(ServiceSettings):
     origins: str = Field(
         default="",
         description="origins of other sites that may use the API (CORS), separated by commas",
+    )
+    proxies: Networks = Field(
+        default="",
+        description="IP addresses of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto "
+        "are believed, separated by commas",
     )
     call_timeout_s: float = Field(
         default=5.0, gt=0, description="longest wait for a service's response"
@@ -128,6 +150,10 @@ class Settings(ServiceSettings):
     @property
     def other_origins(self) -> tuple[str, ...]:
         return _names(self.origins)
+
+    @property
+    def trusted_proxies(self) -> tuple[str, ...]:
+        return _names(self.proxies)
 
 
 def _names(text: str) -> tuple[str, ...]:

@@ -59,12 +59,14 @@ POLICIES = {
 
 
 MOST_STOPS = 16  # concurrent stop-now requests
+CONTROL_THREADS = 16  # for clear-stop, and to cancel, pause and resume tasks
 ROBOT_ROUTERS = (  # each mounted below `/v1` and below `/v1/robots/{robot}`
     tasks.router, events.router, objects.router, map_routes.router, map_file.router,
     map_reset.router, past_views.router, view3d.router, frames.router, robot.router,
     robot_checks.router, moves.router, teleop.router, traces.router, faults.router,
     health.service_router,
 )  # fmt: skip
+METRICS_THREADS = 2
 pages = APIRouter(include_in_schema=False)
 
 
@@ -121,6 +123,8 @@ def _state(
         keys=keys,
         metrics=Metrics(robots, dispatcher.queue),
         stop_threads=CapacityLimiter(MOST_STOPS),
+        control_threads=CapacityLimiter(CONTROL_THREADS),
+        metrics_threads=CapacityLimiter(METRICS_THREADS),
         frame_threads=CapacityLimiter(frames.MOST_SENDERS + MOST_LARGE),
         frame_sockets=ConnectionSlots(frames.MOST_SENDERS, "sockets for frames"),
         teleop_threads=CapacityLimiter(2 * teleop.MOST_DRIVERS),

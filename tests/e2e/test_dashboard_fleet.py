@@ -109,6 +109,19 @@ def test_stop_all_stops_every_robot_and_one_is_cleared_alone(page: Page, robots:
     assert robots.backends["robot"].stopped
 
 
+def test_a_second_press_on_stop_keeps_the_robot_stopped(page: Page, robots: Robots) -> None:
+    stop = page.get_by_role("button", name="Stop: robot-2", exact=True)
+    place = stop.bounding_box()
+    stop.click()
+    expect(card(page, "robot-2").locator(".pill")).to_have_text("stopped")
+    assert place is not None
+    assert stop.bounding_box() == place
+    with page.expect_response("**/robots/robot-2/robot/*") as answer:
+        page.mouse.click(place["x"] + place["width"] / 2, place["y"] + place["height"] / 2)
+    assert answer.value.url.endswith("/robot/stop")
+    assert robots.backends["robot-2"].stopped
+
+
 def test_every_robot_that_stop_all_does_not_reach_is_named_until_the_next_press(
     page: Page, robots: Robots
 ) -> None:

@@ -6,7 +6,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -44,7 +44,8 @@ class FaultMonitor:
         self._tell, self._clock = tell, clock
         self._files = None if folder is None else FaultFiles(folder, limit_bytes)
         faults, notes = ([], []) if self._files is None else self._files.read()
-        self._lock = threading.Lock()  # guards the attributes below
+        self._writing = threading.Lock()  # held while files change; taken before `_lock`
+        self._lock = threading.Lock()  # guards the attributes below; never held over I/O
         self._registry = FaultRegistry(faults)
         self._notes = {note.name: note for note in notes}
         self._restarts: dict[str, int] = {}  # by process, of all supervisors
@@ -135,13 +136,11 @@ class FaultMonitor:
 
     # --- internals: the caller holds the lock ----------------------------------------------------
     def _follow(self, changed: list[Fault], task_id: str = "") -> None:
-        """Begin the recordings of newly confirmed faults, and store the list."""
+        """Begin the recordings of newly confirmed faults."""
         now_s = self._clock()
         for fault in changed:
             if fault.state is FaultState.CONFIRMED and (task_id or self._is_due(fault, now_s)):
                 self._record(fault, task_id, now_s)
-        if changed and self._files is not None:
-            self._files.write(self._registry.faults(), list(self._notes.values()))
 
     def _is_due(self, fault: Fault, now_s: float) -> bool:
         made_s = [note.made_s for note in self._notes.values() if fault.id in note.faults]
@@ -158,22 +157,36 @@ class FaultMonitor:
         tasks = tuple(dict.fromkeys((*note.tasks, *([task_id] if task_id else []))))
         self._notes[name] = replace(note, faults=faults, tasks=tasks)
 
+    # --- internals: the caller does not hold the lock --------------------------------------------
     def _on_saved(self, name: str, data: bytes) -> None:
         """Store a finished recording; from the thread of the black box."""
         assert self._files is not None
-        with self._lock:
-            made = [note for note in self._notes.values() if note.bytes]
+        with self._writing:
+            with self._lock:
+                made = [note for note in self._notes.values() if note.bytes]
             kept = {note.name for note in self._files.shorten(made, len(data))}
             gone = {note.name for note in made} - kept
-            self._notes = {n.name: n for n in self._notes.values() if n.name not in gone}
-        saved = self._files.save(name, data)
-        with self._lock:
-            note = self._notes.pop(name, None) or RecordingNote(name, self._clock())
-            if saved:
-                self._notes[name] = replace(note, bytes=len(data))
-            self._files.write(self._registry.faults(), list(self._notes.values()))
+            saved = self._files.save(name, data)
+            with self._lock:
+                self._notes = {n.name: n for n in self._notes.values() if n.name not in gone}
+                note = self._notes.pop(name, None) or RecordingNote(name, self._clock())
+                if saved:
+                    self._notes[name] = replace(note, bytes=len(data))
+        self._store()
 
-    def _publish(self, changed: Iterable[Fault]) -> None:
+    def _store(self) -> None:
+        """Write the present list."""
+        if self._files is None:
+            return
+        with self._writing:
+            with self._lock:
+                faults, notes = self._registry.faults(), list(self._notes.values())
+            self._files.write(faults, notes)
+
+    def _publish(self, changed: Sequence[Fault]) -> None:
+        """Tell of changed faults, and store the list."""
         for fault in changed:
             log.info("fault %s %s: %s", fault.id, fault.state, fault.message)
             self._tell(fault)
+        if changed:
+            self._store()

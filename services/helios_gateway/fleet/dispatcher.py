@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 CYCLE_S = 0.5
 ASK_S = 5.0  # period in which a robot is asked for its task, in case an event was lost
 DROPPED_S = 5.0  # a robot that is away for this long gives back the task that it has not begun
-RETRY_S = 5.0  # pause before the next offer to a robot that did not answer
+RETRY_S = 5.0  # pause before the next offer to a robot that did not answer, or had no room
 LATE_S = 60.0  # longest time for which an offer can be under way to its robot
 TOLD = (Stage.STARTING, Stage.BEGUN)
 
@@ -52,7 +52,7 @@ class Dispatcher:
             for name, served in registry.robots.items()
         }
         self._asked_s: dict[str, float] = {}  # last request for each begun task
-        self._rests_until_s: dict[str, float] = {}  # robots that did not answer an offer
+        self._rests_until_s: dict[str, float] = {}  # robots that have not taken an offer
         self._said: dict[str, str] = {}  # last logged trouble of each task and robot
         self._thread = threading.Thread(target=self._run, name="fleet", daemon=True)
 
@@ -242,7 +242,8 @@ class Dispatcher:
             for t in waiting
         ]
         for one in assignments(asked, idle):
-            self._contained(f"task {one.task_id}", lambda one=one: self._offer(one))
+            what = f"the offer of task {one.task_id}"
+            self._contained(what, lambda one=one: self._offer(one))
 
     def _offer(self, one: Assignment) -> None:
         """Offer a task to a robot on hold; if it accepts, let it start."""
@@ -262,16 +263,37 @@ class Dispatcher:
         request.id, request.on_hold = task.task_id, True
         try:
             held = self._call(task, SUBMIT, request)
-        except (InvalidInput, Conflict) as error:
+        except InvalidInput as error:
             self._refuse(task, error.message)
             return
-        except HeliosError as error:
-            self._rests_until_s[one.robot] = time.monotonic() + RETRY_S
-            self._return(task, f"{one.robot} did not answer: {error.message}")
+        except Conflict as error:  # such as a full queue
+            self._rest(one.robot)
+            self._decline(task, error.message)
+            raise
+        except Exception as error:
+            self._rest(one.robot)
+            self._return(task, f"{one.robot} gave no answer: {error}")
             raise
         started = self.queue.change(task.id, (Stage.OFFERED,), stage=Stage.STARTING, task=held)
         if started is not None and started.task_id == task.task_id:
             self._start_at_robot(started)
+
+    def _rest(self, robot: str) -> None:
+        """Offer a robot nothing for a while."""
+        self._rests_until_s[robot] = time.monotonic() + RETRY_S
+
+    def _decline(self, task: FleetTask, why: str) -> None:
+        """Put a task back that its robot has not taken, and may take later."""
+        self.queue.change(
+            task.id,
+            (Stage.OFFERED,),
+            stage=Stage.WAITING,
+            robot="",
+            task_id="",
+            why="",
+            message=f"{task.robot} could not take it: {why}",
+        )
+        self._wake.set()
 
     def _refuse(self, task: FleetTask, why: str) -> None:
         """Note that a robot cannot do a task; the task fails if no robot is left for it."""

@@ -1,6 +1,7 @@
 """Queue of the fleet in a SQLite file, so that it outlives a restart of the gateway.
 
-Every change is on the disk before the method returns. Without a file the queue lives in memory.
+Every change is on the disk before the method returns. Without a file that can be used the queue
+lives in memory.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any
 
 from google.protobuf.message import DecodeError
 from helios_core import proto as pb
+from helios_core.damaged_database import is_damaged, put_aside
 from helios_core.errors import Conflict, Unavailable
 
 from helios_gateway.error_responses import NotFound
@@ -41,6 +43,7 @@ _PLAIN = (
     "returned", "refused",
 )  # fmt: skip
 Statement = tuple[str, tuple]
+_Content = tuple[sqlite3.Connection, dict[str, FleetTask], dict[str, WithdrawnOffer]]
 
 
 class FleetQueue:
@@ -50,25 +53,37 @@ class FleetQueue:
     """
 
     def __init__(self, file: Path | None) -> None:
-        """Raises Unavailable if the file cannot be used."""
+        """A damaged file is replaced by a new one. If the file cannot be used, the queue is empty
+        and lives in memory."""
         self._lock = threading.Lock()
         self._path = file
+        self.said = ""  # that the file was damaged and is put aside
+        self.fault = ""  # why the file is not used, and the remedy
         try:
-            if file is not None:
-                file.parent.mkdir(parents=True, exist_ok=True)
-            self._db = sqlite3.connect(file or ":memory:", check_same_thread=False)
-            with self._db:
-                self._db.executescript(_SCHEMA)
-            self._db.execute("PRAGMA journal_mode=WAL")
-            self._db.execute("PRAGMA synchronous=FULL")
-            self._tasks = {task.id: task for task in _read_tasks(self._db)}
-            rows = self._db.execute("SELECT robot, task_id, since_s FROM withdrawn").fetchall()
+            self._db, self._tasks, self._withdrawn = self._opened()
         except (OSError, sqlite3.Error) as error:
-            raise Unavailable(
-                f"the fleet's queue {file} cannot be used ({error}); move that file away, or name "
-                "another with --fleet-queue"
-            ) from error
-        self._withdrawn = {offer.task_id: offer for offer in (WithdrawnOffer(*row) for row in rows)}
+            self.fault = (
+                f"the tasks of the fleet cannot be kept in {file} ({error}), so a restart loses "
+                "them: make that file writable, or name another with --fleet-queue, and restart "
+                "the gateway"
+            )
+            log.error("%s", self.fault)
+            self._path = None
+            self._db, self._tasks, self._withdrawn = _read(None)
+
+    def _opened(self) -> _Content:
+        """Content of the file. Raises OSError and sqlite3.Error if it cannot be used."""
+        try:
+            return _read(self._path)
+        except sqlite3.DatabaseError as error:
+            if self._path is None or not is_damaged(error):
+                raise
+            self.said = (
+                f"the tasks of the fleet cannot be read ({error}): their file was put aside as "
+                f"{put_aside(self._path)}, and the queue is empty"
+            )
+            log.error("%s", self.said)
+            return _read(self._path)
 
     def close(self) -> None:
         with self._lock:
@@ -168,10 +183,38 @@ class FleetQueue:
                 for statement, values in statements:
                     self._db.execute(statement, values)
         except sqlite3.Error as error:
+            remedy = (
+                "restart the gateway, which puts the file aside"
+                if is_damaged(error)
+                else "make room on that disk, then try again"
+            )
             raise Unavailable(
-                f"the fleet's queue cannot be written to {self._path or 'memory'} ({error}); make "
-                "room on that disk, then try again"
+                f"the fleet's queue cannot be written to {self._path or 'memory'} ({error}); "
+                f"{remedy}"
             ) from error
+
+
+def _read(file: Path | None) -> _Content:
+    """Open a database, or one in memory, and read it.
+
+    Raises OSError and sqlite3.Error if it cannot be read and written.
+    """
+    if file is not None:
+        file.parent.mkdir(parents=True, exist_ok=True)
+    db = sqlite3.connect(file or ":memory:", check_same_thread=False)
+    try:
+        with db:
+            db.executescript(_SCHEMA)
+        db.execute("PRAGMA journal_mode=WAL")
+        db.execute("PRAGMA synchronous=FULL")
+        with db:
+            db.execute("DELETE FROM withdrawn WHERE false")  # fails if the file can only be read
+        tasks = {task.id: task for task in _read_tasks(db)}
+        rows = db.execute("SELECT robot, task_id, since_s FROM withdrawn").fetchall()
+    except BaseException:
+        db.close()
+        raise
+    return db, tasks, {offer.task_id: offer for offer in (WithdrawnOffer(*row) for row in rows)}
 
 
 def _row(task: FleetTask) -> tuple:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Annotated
 from urllib.parse import quote
 
+import anyio.to_thread
 from fastapi import APIRouter, Path, Query
 from helios_core.printable_text import printable
 from helios_core.task_states import TaskState
 
 from helios_gateway import api_fleet_models, message_conversion
 from helios_gateway.api_keys import Scope
-from helios_gateway.dependencies import Fleet, secured
+from helios_gateway.dependencies import Fleet, State, secured
 from helios_gateway.error_responses import problems
 from helios_gateway.fleet.dispatcher import Dispatcher
 from helios_gateway.fleet.fleet_robot import FleetRobot
@@ -76,12 +77,16 @@ def get_task(fleet: Fleet, id: TaskId) -> api_fleet_models.FleetTask:
     responses=problems(404, 409, body=True),
     dependencies=secured(Scope.TASK),
 )
-def cancel(fleet: Fleet, id: TaskId) -> api_fleet_models.FleetTask:
+async def cancel(fleet: Fleet, state: State, id: TaskId) -> api_fleet_models.FleetTask:
     """Cancel a task, also at the robot that does it.
 
     If that robot is away, it is told when it is back. A task that has ended stays unchanged.
     """
-    return task_model(fleet, fleet.cancel(id))
+
+    def cancelled() -> api_fleet_models.FleetTask:
+        return task_model(fleet, fleet.cancel(id))
+
+    return await anyio.to_thread.run_sync(cancelled, limiter=state.control_threads)
 
 
 def task_model(fleet: Dispatcher, task: FleetTask) -> api_fleet_models.FleetTask:

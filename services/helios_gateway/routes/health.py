@@ -8,17 +8,19 @@ from __future__ import annotations
 import json
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Response
+import anyio.to_thread
+from fastapi import APIRouter, Path, Request, Response
 from helios_core import proto as pb
 from helios_core.errors import Internal, Unavailable
 from helios_core.topics import settings_method
 
 from helios_gateway import api_models
 from helios_gateway.api_keys import Scope
-from helios_gateway.dependencies import AddressedRobot, CallTimeout, State, secured
+from helios_gateway.dependencies import AddressedRobot, CallTimeout, State, key_of, secured
 from helios_gateway.error_responses import NotFound, problems
 
 ROUTER = "router"
+KEY_NEEDED = "send an API key to get the reasons"
 ServiceName = Annotated[
     str,
     Path(
@@ -48,17 +50,20 @@ async def healthz() -> api_models.HealthAnswer:
         }
     },
 )
-async def readyz(state: State, response: Response) -> api_models.Readiness:
+async def readyz(state: State, request: Request, response: Response) -> api_models.Readiness:
     """Report if every robot of this gateway can do a task now, and the reasons if not.
 
     Reasons are a service that a task needs and that handles no requests, and a stopped robot. A
-    `degraded` service that still handles requests is no reason.
+    `degraded` service that still handles requests is no reason. If keys are required, only a
+    request with a key gets the reasons.
     """
     reasons = state.robots.not_ready_reasons()
     served = state.robots.robots.values()
     stopped = any(one.monitor.stopped for one in served)
     response.status_code = 503 if reasons else 200
     said = [one.monitor.stop_reason for one in served if one.monitor.stop_reason]
+    if reasons and state.keys.required and key_of(request.scope, state.keys) is None:
+        reasons, said = [KEY_NEEDED], []
     return api_models.Readiness(
         ready=not reasons, stopped=stopped, stop_reason="; ".join(said), reasons=reasons
     )
@@ -72,7 +77,9 @@ async def readyz(state: State, response: Response) -> api_models.Readiness:
     dependencies=secured(Scope.READ),
 )
 async def prometheus(state: State) -> Response:
-    text, media_type = state.metrics.text()
+    text, media_type = await anyio.to_thread.run_sync(
+        state.metrics.text, limiter=state.metrics_threads
+    )
     return Response(text, headers={"content-type": media_type})
 
 

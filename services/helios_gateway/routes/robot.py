@@ -64,14 +64,20 @@ async def stop(robot: AddressedRobot, state: State, request: Request) -> api_mod
     responses=problems(409, body=True),
     dependencies=secured(Scope.ROBOT),
 )
-def clear_stop(robot: AddressedRobot, timeout_s: CallTimeout) -> api_models.Robot:
+async def clear_stop(
+    robot: AddressedRobot, state: State, timeout_s: CallTimeout
+) -> api_models.Robot:
     """Allow the robot to move again after an emergency stop.
 
     If a person or a program has taken over the robot, it must be free again: the error names
     the holder.
     """
-    robot.bus.call(CLEAR_STOP, pb.Empty(), timeout_s)
-    return robot.monitor.robot_when(stopped=False, within_s=STATE_WITHIN_S)
+
+    def clear_and_hear() -> api_models.Robot:
+        robot.bus.call(CLEAR_STOP, pb.Empty(), timeout_s)
+        return robot.monitor.robot_when(stopped=False, within_s=STATE_WITHIN_S)
+
+    return await anyio.to_thread.run_sync(clear_and_hear, limiter=state.control_threads)
 
 
 def stop_reason(body: bytes) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
+import anyio.to_thread
 from fastapi import APIRouter, Path, Query
 from helios_core import proto as pb
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
@@ -23,7 +24,14 @@ from helios_core.topics import (
 
 from helios_gateway import api_models, message_conversion
 from helios_gateway.api_keys import Scope
-from helios_gateway.dependencies import AddressedRobot, CallTimeout, Maps, secured
+from helios_gateway.dependencies import (
+    AddressedRobot,
+    CallTimeout,
+    GatewayState,
+    Maps,
+    State,
+    secured,
+)
 from helios_gateway.error_responses import invalid_as_not_found, problems
 from helios_gateway.robot_registry import RobotEndpoint
 from helios_gateway.task_suggestions import suggestions as suggested
@@ -93,12 +101,14 @@ def get_task(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_m
     responses=problems(404, 409, body=True),
     dependencies=secured(Scope.TASK),
 )
-def cancel(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
+async def cancel(
+    robot: AddressedRobot, state: State, id: TaskId, timeout_s: CallTimeout
+) -> api_models.Task:
     """Cancel a task and bring the robot to rest.
 
     A task that has ended stays unchanged.
     """
-    return robot.monitor.task(_of_task(robot, CANCEL, id, timeout_s))
+    return await _controlled(robot, state, CANCEL, id, timeout_s)
 
 
 @router.post(
@@ -107,12 +117,14 @@ def cancel(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_mod
     responses=problems(404, 409, body=True),
     dependencies=secured(Scope.TASK),
 )
-def pause(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
+async def pause(
+    robot: AddressedRobot, state: State, id: TaskId, timeout_s: CallTimeout
+) -> api_models.Task:
     """Pause a task after its current action.
 
     No further action starts until the task is resumed.
     """
-    return robot.monitor.task(_of_task(robot, PAUSE, id, timeout_s))
+    return await _controlled(robot, state, PAUSE, id, timeout_s)
 
 
 @router.post(
@@ -121,8 +133,10 @@ def pause(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_mode
     responses=problems(404, 409, body=True),
     dependencies=secured(Scope.TASK),
 )
-def resume(robot: AddressedRobot, id: TaskId, timeout_s: CallTimeout) -> api_models.Task:
-    return robot.monitor.task(_of_task(robot, RESUME, id, timeout_s))
+async def resume(
+    robot: AddressedRobot, state: State, id: TaskId, timeout_s: CallTimeout
+) -> api_models.Task:
+    return await _controlled(robot, state, RESUME, id, timeout_s)
 
 
 @router.get(
@@ -204,6 +218,21 @@ def _of_task(
     """Planner's reply to a call about one task. Raises NotFound for an unknown id."""
     with invalid_as_not_found():
         return robot.bus.call(method, pb.TaskRequest(id=id), timeout_s)
+
+
+async def _controlled(
+    robot: RobotEndpoint,
+    state: GatewayState,
+    method: Method[pb.TaskRequest, pb.Task],
+    id: str,
+    timeout_s: float,
+) -> api_models.Task:
+    """State of a task after a call about it, which waits for no request that only reads."""
+
+    def changed() -> api_models.Task:
+        return robot.monitor.task(_of_task(robot, method, id, timeout_s))
+
+    return await anyio.to_thread.run_sync(changed, limiter=state.control_threads)
 
 
 def assignment(text: str) -> tuple[str, str]:

@@ -27,24 +27,28 @@ class RobotCard {
     this.progress.setAttribute("aria-valuemax", 100);
     this.message = element("p", { className: "message" });
     this.facts = element("dl", { className: "facts" });
-    this.stop = element("button", { type: "button", textContent: "Stop" });
-    this.stop.addEventListener("click", () => this.press());
+    this.clear = this.button("Clear stop", "clear-stop");
+    this.clear.hidden = true;
     const link = element("a", { href: `/?robot=${encodeURIComponent(name)}`, textContent: name });
     const head = element("div", { className: "head" }, element("h3", {}, link), this.pill,
-      element("span", { className: "spring" }), this.stop);
+      element("span", { className: "spring" }), this.button("Stop", "stop"));
     this.root = element("li", { className: "card" }, head,
       element("div", { className: "camera" }, this.image, this.blank),
-      this.instruction, this.progress, this.message, this.facts);
+      this.instruction, this.progress, element("div", { className: "row" }, this.message, this.clear), this.facts);
+  }
+
+  button(label, what) {
+    const button = element("button", { type: "button", textContent: label, ariaLabel: `${label}: ${this.name}` });
+    button.addEventListener("click", () => this.press(what));
+    return button;
   }
 
   show({ state, reasons, task, pose, battery, held, picture }) {
     this.picture = state === "away" ? null : picture;
-    this.stopped = state === "stopped";
     this.root.classList.toggle("away", state === "away");
     this.pill.textContent = state;
     this.pill.dataset.state = COLORS[state] ?? "waiting";
-    this.stop.textContent = this.stopped ? "Clear stop" : "Stop";
-    this.stop.ariaLabel = `${this.stop.textContent}: ${this.name}`;
+    this.clear.hidden = state !== "stopped";
     this.instruction.textContent = task ? task.instruction : state === "idle" ? "No task" : "";
     const percent = Math.round(100 * (task?.progress ?? 0));
     this.progress.hidden = !task;
@@ -71,9 +75,9 @@ class RobotCard {
     next.src = `${this.picture}?at=${Date.now()}`;
   }
 
-  async press() {
+  async press(what) {
     $("failed").hidden = true;
-    showFailures([await command(this.name, this.stopped ? "clear-stop" : "stop")]);
+    showFailures([await command(this.name, what)]);
     load();
   }
 }

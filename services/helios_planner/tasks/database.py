@@ -13,6 +13,7 @@ import os
 import sqlite3
 from pathlib import Path
 
+from helios_core.damaged_database import is_damaged, put_aside
 from helios_core.errors import Unavailable
 
 log = logging.getLogger(__name__)
@@ -41,8 +42,6 @@ MAKE_ROOM = (
 )
 LOG_PAGES = 64  # pages of 4 KB after which the log is written into the database
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
-_DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
-_BESIDE = ("", "-wal", "-shm")  # suffixes of the files of one database
 
 
 def opened(path: Path) -> tuple[sqlite3.Connection, str]:
@@ -56,9 +55,9 @@ def opened(path: Path) -> tuple[sqlite3.Connection, str]:
         try:
             return _connected(path), ""
         except sqlite3.DatabaseError as error:
-            if not damaged(error):
+            if not is_damaged(error):
                 raise
-            aside = _put_aside(path)
+            aside = put_aside(path)
             said = (
                 f"the tasks of before cannot be read ({error}): their file was put aside as "
                 f"{aside}, and nothing is known of them"
@@ -71,15 +70,10 @@ def opened(path: Path) -> tuple[sqlite3.Connection, str]:
         ) from error
 
 
-def damaged(error: Exception) -> bool:
-    """True if an error means that the file itself is damaged."""
-    return getattr(error, "sqlite_errorcode", 0) & 0xFF in _DAMAGED
-
-
 def remedy(error: Exception) -> str:
     """Advice for a person about an error of the database."""
     code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-    if damaged(error):
+    if is_damaged(error):
         return "restart the planner, which puts the file aside"
     if code == sqlite3.SQLITE_READONLY:
         return "make that folder writable"
@@ -124,15 +118,3 @@ def _connected(path: Path) -> sqlite3.Connection:
         db.close()
         raise
     return db
-
-
-def _put_aside(path: Path) -> Path:
-    """Rename the files of a damaged database; returns the new name of the first."""
-    n = 1
-    while (aside := path.with_name(f"{path.name}.damaged-{n}")).exists():
-        n += 1
-    for end in _BESIDE:
-        beside = path.with_name(path.name + end)
-        if beside.exists():
-            beside.replace(aside.with_name(aside.name + end))
-    return aside

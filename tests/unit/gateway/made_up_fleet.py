@@ -32,6 +32,7 @@ class MadeUpRobot:
     stopped: bool = False
     objects: list[tuple[str, float, float, float]] = field(default_factory=list)  # class, x, y, Ψ
     refuses: str = ""
+    full: bool = False  # its queue
     tasks: dict[str, pb.Task] = field(default_factory=dict)
     begun: list[str] = field(default_factory=list)
     late: list[Callable[[], pb.Task]] = field(default_factory=list)
@@ -124,6 +125,8 @@ class MadeUpRobot:
             on_hold=request.on_hold,
         )
         if keeps:
+            if self.full:
+                raise Conflict("64 tasks wait already")
             self.tasks[request.id] = task
         return task
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import threading
 from collections import Counter
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -290,6 +292,33 @@ def test_a_failed_task_names_its_recording_at_once(
     assert faults.recordings_of("other") == []
     faults.on_task(pb.Task(id="b", state="succeeded", ended_s=clock.now_s))
     assert told[-1].state == "cleared"
+    faults.close()
+
+
+def test_faults_can_be_read_while_the_disk_is_slow(
+    saved: Saved, tmp_path: Path, told: list[Fault], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, go_on = threading.Event(), threading.Event()
+
+    def slow(path: Path, data: bytes | str, sync: bool) -> None:
+        if path.name == LIST_NAME:
+            begun.set()
+            assert go_on.wait(20)
+        path.write_bytes(data.encode() if isinstance(data, str) else data)
+
+    monkeypatch.setattr("helios_gateway.faults.fault_files.write_file", slow)
+    clock = Clock()
+    faults = monitor(tmp_path, told, clock)
+    with ThreadPoolExecutor(2) as people:
+        try:
+            told_of_it = people.submit(faults.on_task, failed(clock))
+            assert begun.wait(SAVED_WITHIN_S)
+            assert [f.id for f in people.submit(faults.faults).result(20)] == ["task-stuck"]
+            assert len(people.submit(faults.recordings).result(20)) == 1
+        finally:
+            go_on.set()
+        told_of_it.result(20)
+    recorded(faults, "c0ffee")
     faults.close()
 
 

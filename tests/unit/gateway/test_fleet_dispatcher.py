@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import Conflict, InvalidInput
-from helios_core.topics import Method
+from helios_core.topics import SUBMIT, Method
 from helios_gateway.error_responses import NotFound
 from helios_gateway.fleet import dispatcher as dispatching
 from helios_gateway.fleet import fleet_robot
@@ -270,6 +270,59 @@ def test_a_refusal_passes_the_task_on_and_ends_it_when_no_robot_is_left() -> Non
     assert fleet.dispatcher.queue.get(last).message == (
         "no robot can do it; robot-2: its detector does not know a can"
     )
+
+
+def test_a_robot_whose_queue_is_full_gets_the_task_once_there_is_room() -> None:
+    fleet = fleet_of(1)
+    robot = fleet.robots["robot-1"]
+    robot.full = True
+    id = fleet.add("find the mug")
+    fleet.cycle(3)
+    task = fleet.dispatcher.queue.get(id)
+    assert (task.state, task.robot, task.refused) == ("queued", "", {})
+    assert fleet.dispatcher.message(task) == "robot-1 could not take it: 64 tasks wait already"
+    assert fleet.dispatcher.queue.withdrawn() == []
+    robot.full = False
+    fleet.cycle(2)
+    assert state(fleet, id) == ("running", "robot-1")
+
+
+@pytest.mark.parametrize("fault", [Conflict("it is full"), TypeError("no answer can be read")])
+def test_a_robot_that_fails_on_an_offer_rests_while_another_one_gets_the_task(
+    monkeypatch: pytest.MonkeyPatch, fault: Exception
+) -> None:
+    monkeypatch.setattr(dispatching, "RETRY_S", 3600.0)
+    fleet = fleet_of(2)
+    failing_at_submit(monkeypatch, fleet.robots["robot-1"], fault)
+    id = fleet.add("find the mug")
+    fleet.cycle(5)
+    assert fleet.robots["robot-1"].calls.count("planner/submit") == 1
+    assert state(fleet, id) == ("running", "robot-2")
+
+
+def test_an_offer_that_fails_again_and_again_is_logged_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    fleet = fleet_of(1)
+    failing_at_submit(monkeypatch, fleet.robots["robot-1"], TypeError("no answer can be read"))
+    id = fleet.add("find the mug")
+    fleet.cycle(5)
+    assert fleet.robots["robot-1"].calls.count("planner/submit") > 1
+    assert caplog.text.count(f"task {id} of the fleet: TypeError") == 1
+
+
+def failing_at_submit(
+    monkeypatch: pytest.MonkeyPatch, robot: MadeUpRobot, fault: Exception
+) -> None:
+    original = robot.call
+
+    def call(method: Method, request: Any, timeout_s: float) -> Any:
+        answer = original(method, request, timeout_s)
+        if method is SUBMIT:
+            raise fault
+        return answer
+
+    monkeypatch.setattr(robot, "call", call)
 
 
 def test_an_instruction_that_no_robot_understands_is_refused_at_once() -> None:

@@ -134,6 +134,28 @@ def test_health_checks_and_pages_need_no_key(gateway: GatewayApp) -> None:
         assert gateway.client().get(path).status_code == 200
 
 
+def test_only_a_key_gets_the_reasons_why_a_robot_is_not_ready(
+    gateway: GatewayApp, keys: dict[str, str]
+) -> None:
+    reader = gateway.client(keys["read"])
+    reader.post("/v1/robot/stop", json={"reason": "grandma is in the bathroom"})
+    for key in ("", "nonsense"):
+        answer = gateway.client(key).get("/readyz")
+        assert (answer.status_code, answer.json()) == (
+            503,
+            {
+                "ready": False,
+                "stopped": True,
+                "stop_reason": "",
+                "reasons": ["send an API key to get the reasons"],
+            },
+        )
+    answer = reader.get("/readyz")
+    assert answer.status_code == 503
+    assert answer.json()["stop_reason"] == "grandma is in the bathroom"
+    assert "the robot is stopped" in answer.json()["reasons"][0]
+
+
 def test_a_browser_keeps_its_key_in_a_cookie_that_scripts_cannot_read(
     gateway: GatewayApp, keys: dict[str, str]
 ) -> None:

@@ -45,9 +45,17 @@ class Recorded:
         return TestClient(self.app, "http://localhost", headers=headers)
 
     def lines(self) -> list[dict[str, Any]]:
-        """All entries so far. Ends the record."""
+        """All entries so far of requests with a key. Ends the record."""
         self.log.close()
-        return [json.loads(line) for line in self.file.read_text("utf-8").splitlines()]
+        return read(self.file)
+
+    def keyless(self) -> list[dict[str, Any]]:
+        """All entries of the others, once the record has ended."""
+        return read(self.file.with_name("audit-without-key.jsonl"))
+
+
+def read(file: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in file.read_text("utf-8").splitlines()]
 
 
 @pytest.fixture
@@ -83,13 +91,35 @@ def test_refusals_and_stops_are_recorded_and_reading_is_not(recorded: Recorded) 
     entries = recorded.lines()
     assert [(e["who"], e["path"], e["status"]) for e in entries] == [
         ("read", "/v1/tasks", 403),
-        (None, "/v1/tasks", 401),
         ("read", "/v1/robot/stop", 200),
         ("task", "/v1/robot/clear-stop", 403),
         ("admin", "/v1/tasks", 403),
     ]
-    assert "a cat" in entries[2]["request"]
-    assert "scope robot" in entries[3]["answer"]
+    assert "a cat" in entries[1]["request"]
+    assert "scope robot" in entries[2]["answer"]
+    assert [(e["path"], e["status"]) for e in recorded.keyless()] == [("/v1/tasks", 401)]
+
+
+def test_requests_without_a_key_replace_no_line_about_a_change(
+    hub: MemoryHub,
+    backend: Backend,
+    live: RobotMonitor,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(audit_log, "FILE_BYTES", 4000)
+    monkeypatch.setattr(audit_log, "KEYLESS_BYTES", 1000)
+    recorded = Recorded(hub, live, tmp_path)
+    assert recorded.client("task").post("/v1/tasks", json=TASK).status_code == 202
+    stranger = recorded.client()
+    for path in ("/v1/tasks", "/v1/tasks/", "/v1/session", "/v1/nothing"):
+        for _ in range(20):
+            stranger.post(path, json=TASK, follow_redirects=False)
+            stranger.delete(path)
+    assert [(e["who"], e["status"]) for e in recorded.lines()] == [("task", 202)]
+    kept = sorted(tmp_path.glob("audit-without-key.jsonl*"))
+    assert len(kept) == audit_log.OLD_FILES + 1
+    assert sum(file.stat().st_size for file in kept) < 10_000
 
 
 def test_no_key_is_written_to_the_record(recorded: Recorded) -> None:
@@ -99,8 +129,13 @@ def test_no_key_is_written_to_the_record(recorded: Recorded) -> None:
     recorded.client().post("/v1/session/", json={"key": "guessed-key"}, follow_redirects=False)
     client.post("/v1/robot/stop")
     entries = recorded.lines()
-    assert [e["who"] for e in entries] == [None, None, None, "admin"]
-    text = recorded.file.read_text()
+    assert [e["who"] for e in entries] == ["admin"]
+    assert [(e["who"], e["status"]) for e in recorded.keyless()] == [
+        (None, 200),
+        (None, 401),
+        (None, 307),
+    ]
+    text = "".join(file.read_text() for file in recorded.file.parent.glob("audit*"))
     assert not any(key in text for key in (*recorded.keys.values(), "guessed-key"))
 
 
@@ -131,7 +166,7 @@ def test_only_the_owner_can_read_the_record_and_its_old_files(
         log.write({"path": f"/v1/tasks/{number}"})
     log.close()
     files = sorted(tmp_path.iterdir())
-    assert len(files) == audit_log.OLD_FILES + 1
+    assert len(files) == audit_log.OLD_FILES + 2
     assert {stat.S_IMODE(file.stat().st_mode) for file in files} == {0o600}
     files[0].chmod(0o644)
     with pytest.raises(InvalidInput, match="chmod 600"):

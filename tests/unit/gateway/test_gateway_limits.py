@@ -1,11 +1,19 @@
-"""Requests that a gateway without keys refuses before it reads their content."""
+"""Requests that the gateway refuses: before it reads their content, or while another one runs."""
 
 from __future__ import annotations
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import httpx
 import pytest
 from fastapi.testclient import TestClient
+from helios_core import proto as pb
+from helios_core.memory_bus import MemoryBus
+from helios_core.topics import SAVE_MAP2D
 
 from tests.gateway_backend import Backend
+from tests.gateway_process import served
 
 
 @pytest.mark.parametrize("broken", ["[", "[::1", "]:80", "[x]"])
@@ -26,3 +34,24 @@ def test_only_the_exact_addresses_accept_large_bodies(client: TestClient, backen
         ("POST", "/v1/tasks/robot/stop"),
     ):
         assert client.request(verb, path, content=body).status_code == 413
+
+
+@pytest.mark.parametrize("path", ["/v1/map.zip", "/v1/map/ros.zip"])
+def test_a_second_file_of_a_map_is_refused_while_one_is_made(path: str) -> None:
+    asked, answer = threading.Event(), threading.Event()
+
+    def slow(_: pb.SaveMap2DRequest) -> pb.SaveMap2DReply:
+        asked.set()
+        answer.wait(60)
+        return pb.SaveMap2DReply(files=[pb.Map2DFile(name="map.pgm", data=b"walls")])
+
+    with served() as gateway, ThreadPoolExecutor(1) as people:
+        MemoryBus(gateway.backend.hub).serve(SAVE_MAP2D, slow)
+        try:
+            first = people.submit(httpx.get, gateway.url + path, timeout=60)
+            assert asked.wait(20)
+            second = httpx.get(f"{gateway.url}/v1/map/ros.zip", timeout=20)
+            assert (second.status_code, second.headers["retry-after"]) == (503, "1")
+        finally:
+            answer.set()
+        assert first.result(20).status_code == 200

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import httpx
 import pytest
@@ -17,6 +19,7 @@ from helios_gateway.service import Gateway, bind
 from helios_gateway.settings import Settings
 
 from tests.gateway_backend import Backend
+from tests.gateway_process import served
 from tests.support import free_port, read_to_the_end, wait_until
 
 
@@ -111,3 +114,24 @@ def test_a_web_server_that_ends_by_itself_ends_the_process(
     gateway.close()
     listener.close()
     assert ended == [1]
+
+
+@pytest.mark.parametrize(
+    ("proxies", "host"), [("", "127.0.0.1"), ("10.0.0.1", "127.0.0.1"), ("127.0.0.1", "10.1.2.3")]
+)
+def test_only_a_listed_proxy_says_who_asks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, proxies: str, host: str
+) -> None:
+    monkeypatch.setenv("FORWARDED_ALLOW_IPS", "*")
+    file = tmp_path / "audit.jsonl"
+    with served("--audit", str(file), "--proxies", proxies) as gateway:
+        headers = {"x-forwarded-for": "10.1.2.3"}
+        answer = httpx.post(f"{gateway.url}/v1/robot/stop", headers=headers, timeout=20)
+        assert answer.status_code == 200
+    assert json.loads(file.read_text())["host"] == host
+
+
+def test_a_proxy_that_is_no_address_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        Settings.load(["--proxies", "127.0.0.1, my-proxy"])
+    assert "'my-proxy' is no IP address" in capsys.readouterr().err

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import pytest
+from fastapi import FastAPI
 from fastapi.testclient import TestClient
 from helios_core import proto as pb
 from helios_core.topics import status_topic
@@ -10,6 +13,7 @@ from helios_gateway.bus_listener import RobotMonitor
 from helios_gateway.service_registry import ServiceRegistry
 
 from tests.gateway_backend import Backend
+from tests.support import wait_until
 from tests.unit.gateway.gateway_clock import Clock
 
 READY = {"ready": True, "stopped": False, "stop_reason": "", "reasons": []}
@@ -196,6 +200,28 @@ def test_metrics_count_routes_by_pattern(
     assert (
         'helios_service_figure{name="update_ms_median",robot="robot",service="map2d"} 2.5' in text
     )
+
+
+def test_the_gateway_answers_while_metrics_wait_for_the_disk(
+    app: FastAPI, backend: Backend, client: TestClient
+) -> None:
+    state = app.state.gateway
+    with ThreadPoolExecutor(1) as scraper:
+        with state.fleet.queue._lock:  # as during a commit
+            scraped = scraper.submit(client.get, "/metrics")
+            wait_until(lambda: state.metrics_threads.borrowed_tokens == 1, 20, "it is asked")
+            assert client.get("/healthz").status_code == 200
+            assert not scraped.done()
+        assert "helios_fleet_tasks 0.0" in scraped.result(20).text
+
+
+def test_made_up_methods_add_no_series_to_the_metrics(backend: Backend, client: TestClient) -> None:
+    for method in ("NONE0", "NONE1", "PROPFIND"):
+        assert client.request(method, "/v1/robot/stop").status_code == 405
+    text = client.get("/metrics").text
+    assert 'method="other",route="/v1/robot/stop",status="405"' in text
+    assert "NONE" not in text
+    assert "PROPFIND" not in text
 
 
 def test_the_page_and_the_docs_refer_to_no_other_host(client: TestClient) -> None:

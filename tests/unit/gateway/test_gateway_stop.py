@@ -1,4 +1,4 @@
-"""Stop-now is sent for any body and while other requests are open."""
+"""Stop-now is sent for any body and while other requests are open; so are commands to tasks."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import asyncio
 import json
 import math
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 import httpx
 import pytest
@@ -21,13 +22,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.gateway_backend import Backend
-from tests.gateway_process import served
+from tests.gateway_process import Served, served
+from tests.support import wait_until
 
 SHARED_THREADS = 40  # the framework's threads for blocking requests
+MOST_REQUESTS = 128  # by default
 DEFAULT = "stop-now was asked for over HTTP"
 
 
-def test_stop_now_does_not_wait_behind_blocked_requests() -> None:
+@contextmanager
+def blocked(readers: int, threads: int) -> Iterator[tuple[Served, httpx.Client]]:
+    """A gateway and a client of it, while so many requests that only read are not answered.
+
+    threads: number of them that have reached a service.
+    """
     asked, answer = threading.Semaphore(0), threading.Event()
 
     def slow(_: pb.Empty) -> pb.VocabularyReply:
@@ -37,20 +45,42 @@ def test_stop_now_does_not_wait_behind_blocked_requests() -> None:
 
     with (
         served("--call-timeout-s", "60") as gateway,
-        ThreadPoolExecutor(SHARED_THREADS + 1) as people,
+        ThreadPoolExecutor(readers) as people,
         httpx.Client(base_url=gateway.url, timeout=20) as client,
     ):
         MemoryBus(gateway.backend.hub).serve(VOCABULARY, slow)
         try:
-            for _ in range(SHARED_THREADS + 1):
+            for _ in range(readers):
                 people.submit(httpx.get, f"{gateway.url}/v1/vocabulary", timeout=60)
-            for _ in range(SHARED_THREADS):
+            for _ in range(threads):
                 assert asked.acquire(timeout=20)
-            assert client.post("/v1/robot/stop").status_code == 200
-            assert gateway.backend.stopped
+            yield gateway, client
             assert not answer.is_set()
         finally:
             answer.set()
+
+
+def test_stop_now_does_not_wait_behind_blocked_requests() -> None:
+    with blocked(SHARED_THREADS + 1, SHARED_THREADS) as (gateway, client):
+        assert client.post("/v1/robot/stop").status_code == 200
+        assert gateway.backend.stopped
+
+
+def test_a_task_is_cancelled_and_a_stop_cleared_while_as_many_read_as_may() -> None:
+    with blocked(MOST_REQUESTS + 20, SHARED_THREADS) as (gateway, client):
+        wait_until(lambda: client.get("/healthz").status_code == 503, 20, "no more may read")
+        first, second = (gateway.backend.submit("move the mug") for _ in range(2))
+        for path, status in (
+            (f"/v1/tasks/{first.id}/pause", 200),
+            (f"/v1/tasks/{first.id}/resume", 200),
+            (f"/v1/tasks/{second.id}/cancel", 200),
+            ("/v1/fleet/tasks/none/cancel", 404),
+            ("/v1/robot/stop", 200),
+            ("/v1/robot/clear-stop", 200),
+        ):
+            assert client.post(path).status_code == status, path
+        assert gateway.backend.tasks[second.id].state == "cancelled"
+        assert not gateway.backend.stopped
 
 
 def test_the_answer_tells_the_state_after_the_stop_even_if_that_arrives_late(
