@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 import threading
 from collections.abc import Sequence
@@ -21,7 +22,8 @@ log = logging.getLogger(__name__)
 class MapHost:
     """Host that compiles the kernels in a thread and then starts the service.
 
-    `close` does not wait for the compilation.
+    `close` does not wait for the compilation. If the service cannot start, the process ends: its
+    supervisor starts another one.
     """
 
     def __init__(self, bus: Bus, health: Health, settings: Settings) -> None:
@@ -42,12 +44,14 @@ class MapHost:
         try:
             if until_warm(self._health, warm_up, self._ending) and not self._ending.is_set():
                 self._service = Map2DService(self._bus, self._settings, self._health)
-        except Exception as error:  # else lost in this thread
-            log.exception("the maps could not be started")
-            self._health.degraded(
-                f"the maps could not be started ({type(error).__name__}: {str(error)[:200]}); "
-                "see the log, correct the cause and restart the service"
-            )
+        except Exception as error:
+            if self._ending.is_set():
+                return
+            said = f"the maps could not be started ({type(error).__name__}: {str(error)[:200]})"
+            self._health.failed(f"{said}; see the log of map2d")
+            log.critical("%s, and map2d ends with them", said, exc_info=error)
+            logging.shutdown()
+            os._exit(1)
 
 
 def service(argv: Sequence[str] | None = None) -> Service:

@@ -58,7 +58,7 @@ class EpochMap:
         self.trajectory = Trajectory(rules.trajectory_step_m)
         self.version = first_version + 1
         self.tiles = PublishedTiles()
-        self._observations_seen: deque[tuple[str, int]] = deque(maxlen=REMEMBERED_FRAMES)
+        self._observations_seen: deque[tuple[str, FrameId]] = deque(maxlen=REMEMBERED_FRAMES)
         self.published = self.publish()
 
     def integrate_frame(self, frame: Frame, *, holding: bool = False) -> bool:
@@ -107,7 +107,7 @@ class EpochMap:
         """
         self.check_search(observation)
         frame = observation.frame
-        key = (observation.context_id, frame.id.seq)
+        key = (observation.context_id, frame.id)
         if key in self._observations_seen:
             return False
         view, _ = self._prepared(frame)

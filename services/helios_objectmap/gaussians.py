@@ -155,7 +155,8 @@ class GaussianStore:
     def fill(self, arrays: dict[str, NDArray]) -> None:
         """Load rows from `arrays()` into an empty store whose columns are named already.
 
-        Raises ValueError if they are inconsistent, KeyError if some are missing.
+        The instances, which index arrays, must be valid. Raises ValueError if shapes or types are
+        inconsistent, KeyError if arrays are missing.
         """
         n, classes = len(arrays["means"]), len(self.class_names)
         self._grow(n)

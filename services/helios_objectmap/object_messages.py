@@ -8,7 +8,9 @@ from dataclasses import replace
 import numpy as np
 from helios_core import proto as pb
 from helios_core.codec import object_to_proto, vector_from_proto, vector_to_proto
+from helios_core.codec.frames import pinhole_from_proto
 from helios_core.errors import InvalidInput
+from helios_core.geometry import Pinhole
 from helios_core.image_messages import ObservationMessage
 from helios_core.keyframe_acks import MapPart
 from helios_core.printable_text import counted
@@ -20,6 +22,7 @@ from helios_objectmap.instances.summary import Grasp
 from helios_objectmap.shown_object import ShownNames
 
 MOST_BOXES = 1000
+MOST_PIXELS = 1920 * 1200
 MOST_SIDE_M, MOST_AWAY_M = 3.0, 10_000.0
 
 
@@ -45,6 +48,20 @@ def held_message(seen: ShownNames) -> pb.HeldObjectReply:
         names=names,
         image_text_nats=seen.image_text_nats,
     )
+
+
+def camera_of(camera: pb.Pinhole, stride_px: int = 1) -> Pinhole:
+    """Camera of a request. stride_px: pixel step of the picture, in both directions.
+
+    Raises InvalidInput for implausible intrinsics, or if the picture has over MOST_PIXELS pixels.
+    """
+    out = pinhole_from_proto(camera)
+    if (out.width // stride_px) * (out.height // stride_px) > MOST_PIXELS:
+        raise InvalidInput(
+            f"{out.width}x{out.height} pixels asked for; at most {MOST_PIXELS * stride_px**2} in "
+            "one picture"
+        )
+    return out
 
 
 def boxes_of(request: pb.NamesAtRequest) -> list[AlignedBox]:

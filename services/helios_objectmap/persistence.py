@@ -32,6 +32,7 @@ FORMAT = "helios-objectmap"
 VERSION = 1
 VOTES = "store.votes"
 HEADER_BYTES = 256 << 20  # more than the header of any map
+MOST_LABELS = 1 << 26  # in the life of a map; the table of their Gaussians takes 8 bytes for each
 PACKING_LEVEL = 1  # of zlib: a seventh of the size in half a second for 100 MB
 
 
@@ -168,19 +169,20 @@ def _content(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) -
     store = GaussianStore(viewing_sectors.SECTORS if "votes" in rows else 0)
     for name in header["class_names"]:
         store.column(str(name))
-    store.fill(rows)
     viewpoints.fill(part("viewpoints."))
     registry = InstanceRegistry()
     registry.next_label = int(header["next_label"])
     registry.records = {int(label): _record(*r) for label, r in header["records"].items()}
-    faint = [label for label, record in registry.records.items() if not record.in_core]
-    store.in_core[store.instances.rows_of(np.array(faint, np.int64))] = False
     registry.ended = {
         str(name): FormerDetections(_by_band(true), _by_band(everything))
         for name, (true, everything) in header.get("ended", {}).items()
     }
     roles = {str(name): Role(role) for name, role in header["roles"].items()}
-    _check(store, registry, roles, viewpoints)
+    _check_references(rows, store.class_names, registry, roles, viewpoints)
+    _check_numbers(rows)
+    store.fill(rows)
+    faint = [label for label, record in registry.records.items() if not record.in_core]
+    store.in_core[store.instances.rows_of(np.array(faint, np.int64))] = False
     added = [int(number) for number in header.get("added_updates", ())]
     out = MapContent(
         store, registry, viewpoints, roles, int(header["updates"]), added_updates=added
@@ -218,33 +220,46 @@ def _by_band(values: list) -> NDArray[np.float64]:
     return out
 
 
-def _check(
-    store: GaussianStore, registry: InstanceRegistry, roles: dict[str, Role], viewpoints: Viewpoints
+def _check_references(
+    rows: dict[str, NDArray],
+    class_names: list[str],
+    registry: InstanceRegistry,
+    roles: dict[str, Role],
+    viewpoints: Viewpoints,
 ) -> None:
-    """Check that all references resolve and all numbers are in their range. Raises ValueError."""
-    labels = set(np.unique(store.instance).tolist()) - {NO_INSTANCE}
+    """Check that instances, classes and viewpoints of the Gaussians are there. Raises ValueError.
+
+    rows: arrays of the store by their names in the file.
+    """
+    if not NO_INSTANCE < registry.next_label <= MOST_LABELS:
+        raise ValueError(f"the next instance is {registry.next_label}, not 1 to {MOST_LABELS}")
+    instance, believed, through = rows["instance"], rows["believed"], rows["through_from"]
+    if instance.min(initial=NO_INSTANCE) < NO_INSTANCE:
+        raise ValueError("an instance is below 0")
+    labels = set(np.unique(instance).tolist()) - {NO_INSTANCE}
     if labels != set(registry.records) or max(labels, default=0) >= registry.next_label:
         raise ValueError("instances and Gaussians disagree")
-    names = {r.class_name for r in registry.records.values()} | set(store.class_names)
-    if not names <= roles.keys() or not names <= set(store.class_names):
+    names = {r.class_name for r in registry.records.values()} | set(class_names)
+    if not names <= roles.keys() or not names <= set(class_names):
         raise ValueError("classes and their roles disagree")
-    believed = store.class_column
-    if len(store) and (believed.min() < OTHER or believed.max() >= len(store.class_names)):
+    if believed.min(initial=OTHER) < OTHER or believed.max(initial=OTHER) >= len(class_names):
         raise ValueError("a Gaussian is believed to be of no known class")
-    if not all(
-        np.isfinite(a).all() for a in (store.means, store.class_evidence, store.total_evidence)
-    ):
-        raise ValueError("a number is not finite")
-    if not all(np.isfinite(a).all() for a in (store.radius_m, store.opacity)):
-        raise ValueError("a radius or an opacity is not finite")
-    if (np.abs(store.means) > FARTHEST_M).any():
-        raise ValueError(f"a Gaussian is more than {FARTHEST_M:g} m from the origin")
-    if (store.radius_m <= 0).any() or (store.opacity < 0).any() or (store.opacity > 1).any():
-        raise ValueError("a radius is not above 0, or an opacity not from 0 to 1")
-    if (store.class_evidence < 0).any() or (store.total_evidence < 0).any():
-        raise ValueError("evidence is below 0")
-    through = store.seen_through_viewpoint
-    if len(store) and (through.min() < NEVER or through.max() >= len(viewpoints)):
+    if through.min(initial=NEVER) < NEVER or through.max(initial=NEVER) >= len(viewpoints):
         raise ValueError("a Gaussian was seen through from a viewpoint that is not there")
-    if (store.votes[..., 0] > store.votes[..., 1]).any():
+
+
+def _check_numbers(rows: dict[str, NDArray]) -> None:
+    """Check that all numbers of the Gaussians are in their range. Raises ValueError."""
+    means, radius_m, opacity = rows["means"], rows["radius_m"], rows["opacity"]
+    if not all(np.isfinite(a).all() for a in (means, rows["positive"], rows["asked"])):
+        raise ValueError("a number is not finite")
+    if not all(np.isfinite(a).all() for a in (radius_m, opacity)):
+        raise ValueError("a radius or an opacity is not finite")
+    if (np.abs(means) > FARTHEST_M).any():
+        raise ValueError(f"a Gaussian is more than {FARTHEST_M:g} m from the origin")
+    if (radius_m <= 0).any() or (opacity < 0).any() or (opacity > 1).any():
+        raise ValueError("a radius is not above 0, or an opacity not from 0 to 1")
+    if (rows["positive"] < 0).any() or (rows["asked"] < 0).any():
+        raise ValueError("evidence is below 0")
+    if "votes" in rows and (rows["votes"][..., 0] > rows["votes"][..., 1]).any():
         raise ValueError("more votes are for a class than there are")

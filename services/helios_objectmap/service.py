@@ -18,7 +18,7 @@ from helios_core.codec import (
     observation_from_proto,
     state_from_proto,
 )
-from helios_core.codec.frames import pinhole_from_proto, transform_from_proto
+from helios_core.codec.frames import transform_from_proto
 from helios_core.errors import Conflict, HeliosError, InvalidInput
 from helios_core.health import Health
 from helios_core.image_messages import ObservationMessage, apart
@@ -54,6 +54,7 @@ from helios_objectmap.object_map import UpdateReport
 from helios_objectmap.object_messages import (
     ack_message,
     boxes_of,
+    camera_of,
     detail_message,
     held_message,
     nothing_retired,
@@ -72,7 +73,6 @@ MOST_WAITING = 4  # observations that wait for their search context
 MOST_POSES = 256
 CLOSE_WITHIN_S = 1.0  # longest wait at `close` for a query that compiles kernels
 FILE_NAME = "objects.npz"
-MOST_PIXELS = 1920 * 1200
 _FORMATS = {"ply": export.ply, "npz": export.npz}
 
 
@@ -283,8 +283,8 @@ class ObjectMapService:
         other = request.other_share if request.HasField("other_share") else None
         if other is not None and not 0 <= other <= 1:
             raise InvalidInput(f"other_share is {other}; wanted a share from 0 to 1")
-        camera = pinhole_from_proto(request.camera)
-        intrinsics = (camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
+        c = camera_of(request.camera, self._settings.stride_px)
+        intrinsics = (c.fx, c.fy, c.cx, c.cy, c.width, c.height)
         views = [View(*intrinsics, transform_from_proto(T)) for T in request.T_world_cam]
         with self._lock:
             current = self._maps.current
@@ -384,7 +384,10 @@ class ObjectMapService:
         """The current map as a file."""
         with self._lock:
             arrays = self._maps.arrays()
-        return pb.ObjectMapFile(data=persistence.to_bytes(arrays))
+        data = persistence.to_bytes(arrays)
+        with self._lock:
+            self._maps.note_saved(data)
+        return pb.ObjectMapFile(data=data)
 
     def load(self, request: pb.ObjectMapFile) -> pb.ObjectMapLoaded:
         """Replace the current map with the map of a file, or store it if it is of another world.
@@ -396,6 +399,10 @@ class ObjectMapService:
             loaded = self._maps.load(found, request.data, request.same_frame)
             if not loaded.stored:
                 self._replaced()
+        try:
+            self._stored.write()
+        except OSError as error:  # the next save tries again, and the health tells if that fails
+            log.error("the stored map cannot be written: %s", error)
         log.info("%d Gaussians read", loaded.gaussians)
         self._say()
         return loaded
@@ -414,11 +421,7 @@ class ObjectMapService:
 
     def render(self, request: pb.RenderRequest) -> pb.RenderReply:
         """Rendered image of the map from an arbitrary camera pose."""
-        c = pinhole_from_proto(request.camera)
-        if c.width * c.height > MOST_PIXELS:
-            raise InvalidInput(
-                f"{c.width}x{c.height} pixels asked for; at most {MOST_PIXELS} in one picture"
-            )
+        c = camera_of(request.camera)
         T_world_cam = transform_from_proto(request.T_world_cam)
         view = View(c.fx, c.fy, c.cx, c.cy, c.width, c.height, T_world_cam)
         with self._lock:
@@ -567,11 +570,12 @@ class ObjectMapService:
     def _unkept(self, kept_version: int) -> tuple[int, bytes] | None:
         with self._lock:
             version = self._version
-            if version == kept_version:
+            if version == kept_version and not self._stored.unwritten:
                 if self._stored.untidy:
                     self._stored.tidy()
                 return None
             arrays = self._maps.arrays()
+        self._stored.write()
         return version, persistence.to_bytes(arrays)
 
     def _troubled(self, reason: str) -> None:

@@ -14,7 +14,7 @@ from helios_core.types import WorldId
 
 from helios_objectmap import persistence
 from helios_objectmap.object_map import ObjectMap
-from helios_objectmap.persistence import MapContent
+from helios_objectmap.persistence import LoadedMap, MapContent
 from helios_objectmap.settings import ObjectMapSettings
 
 log = logging.getLogger(__name__)
@@ -33,6 +33,7 @@ class StoredObjects:
         self._settings = settings
         self._files = StoredMapFile(map_file), StoredMapFile(map_file, "older")
         self._maps: dict[WorldId, ObjectMap] = {}
+        self._dropped: dict[WorldId, ObjectMap] | None = None  # until `forget_dropped`
         self._place = pb.Relocalisation()  # newest message of map2d
         self.untidy = False  # True while the file of a map that was taken may still be there
         for file in self._files:
@@ -43,35 +44,52 @@ class StoredObjects:
         """True while there is a stored map that is not relocalised."""
         return bool(self._maps)
 
-    def store(self, data: bytes) -> tuple[int, int]:
-        """Store a map file before the newest of the others. Returns the numbers of its Gaussians
-        and objects. Raises InvalidInput."""
-        world, stored = self._decoded(data)
-        newest, older = self._files
-        try:
-            former = newest.read()
-        except OSError:
-            former = None
-        if former is not None and persistence.world_of(former) != world:
-            older.write(former)
-        newest.write(data)
-        others = [(w, m) for w, m in self._maps.items() if w != world]
-        self._maps = dict([(world, stored), *others][:2])
-        return len(stored), len(stored.objects())
+    @property
+    def unwritten(self) -> bool:
+        """True while a stored map is in memory alone; then call `write`."""
+        return any(file.unwritten for file in self._files)
 
-    def replace(self, data: bytes) -> pb.ObjectMapLoaded:
-        """Store a map file in place of all others; a refused one changes nothing. Raises
-        InvalidInput."""
-        self._decoded(data)
+    def write(self) -> None:
+        """Write the stored maps that are in memory alone. Call it without the lock, and before the
+        present map is written, whose file may hold them until then. Raises OSError."""
+        newest, older = self._files
+        older.write()
+        newest.write()
+
+    def store(self, data: bytes) -> None:
+        """Store a map file before the newest of the others. Raises InvalidInput."""
+        self._put(self._decoded(data), data)
+
+    def replace(self, found: LoadedMap, data: bytes) -> pb.ObjectMapLoaded:
+        """Store a map file in place of all others; found: what it contains. Raises InvalidInput,
+        and then nothing has changed."""
+        world, stored = self._opened(found)
         self.drop()
-        gaussians, objects = self.store(data)
-        return pb.ObjectMapLoaded(gaussians=gaussians, objects=objects, stored=True)
+        self._put((world, stored), data)
+        objects = len(stored.objects())
+        return pb.ObjectMapLoaded(gaussians=len(stored), objects=objects, stored=True)
 
     def drop(self) -> None:
-        """Forget the stored maps, also on the disk."""
-        self._maps = {}
+        """Forget the stored maps, also on the disk. `bring_back` undoes it."""
+        self._dropped, self._maps = self._maps, {}
         for file in self._files:
             file.remove()
+
+    def forget_dropped(self) -> None:
+        """End the time in which `bring_back` works."""
+        self._dropped = None
+
+    def bring_back(self) -> bool:
+        """Store the maps that were there before the newest `drop`, and only these. Returns False
+        after `forget_dropped`."""
+        if self._dropped is None:
+            return False
+        maps = self._dropped
+        self.drop()
+        self._maps, self._dropped = maps, None
+        for file, (world, stored) in zip(self._files, maps.items(), strict=False):
+            file.put(persistence.to_bytes(persistence.arrays_of(stored.content(), world)))
+        return True
 
     def take(self, world: WorldId) -> MapContent | None:
         """Content of the stored map of a world, which is no longer stored then; None without one.
@@ -133,6 +151,20 @@ class StoredObjects:
         reply.objects.extend(object_to_proto(o) for o in self._maps[sought].objects())
         return reply
 
+    def _put(self, new: tuple[WorldId, ObjectMap], data: bytes) -> None:
+        """Store a map before the newest of the others. data: its file."""
+        world, stored = new
+        newest, older = self._files
+        try:
+            former = newest.read()
+        except OSError:
+            former = None
+        if former is not None and persistence.world_of(former) != world:
+            older.put(former)
+        newest.put(data)
+        others = [(w, m) for w, m in self._maps.items() if w != world]
+        self._maps = dict([(world, stored), *others][:2])
+
     def _read(self, file: StoredMapFile) -> None:
         """Take up the map of an earlier process; an unusable file is removed."""
         try:
@@ -148,8 +180,11 @@ class StoredObjects:
 
     def _decoded(self, data: bytes) -> tuple[WorldId, ObjectMap]:
         """World and map of a file. Raises InvalidInput."""
+        return self._opened(persistence.read(data, ObjectMap(self._settings).empty_viewpoints()))
+
+    def _opened(self, found: LoadedMap) -> tuple[WorldId, ObjectMap]:
+        """World and map of what a file contains. Raises InvalidInput."""
         stored = ObjectMap(self._settings)
-        found = persistence.read(data, stored.empty_viewpoints())
         if found.world is None:
             raise InvalidInput("the map file names no world: load it with --same-frame")
         stored.load_content(found.content)

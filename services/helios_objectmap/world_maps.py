@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 
 from helios_core import map_autosave
@@ -16,6 +17,8 @@ from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.object_messages import content_in_words
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.stored_objects import StoredObjects
+
+LOST_LABELS = 1_000  # exceeds the number of new instances between a write and the next
 
 
 @dataclass(frozen=True)
@@ -33,13 +36,15 @@ class WorldMaps:
     A map file names the world that its coordinates belong to. In that world the map is used as it
     is. In another world it is stored, and it is used once map2d has found its place there. A map
     that is read before the robot has reported its world is used at once. If the robot then reports
-    another world, the map is stored. Not thread-safe: the owner locks.
+    another world, the map is stored. A process that crashed gave ids to instances that its map file
+    lacks. No instance of a restored map gets such an id. Not thread-safe: the owner locks.
     """
 
     def __init__(self, settings: ObjectMapSettings, stored: StoredObjects) -> None:
         self._maps, self._stored = EpochMaps(settings), stored
         self._restored: _Restored | None = None
         self._file: bytes | None = None  # of the current map, until the robot reports its world
+        self._saved = b""  # digest of the newest file that a client got
 
     @property
     def current(self) -> ObjectMap:
@@ -78,21 +83,25 @@ class WorldMaps:
         """Replace the current map with that of a file, or store it if it is of another world.
 
         found, data: the map that was read, and its file. same_frame: its coordinates are those of
-        the present world. Raises InvalidInput; then nothing has changed.
+        the present world. Raises InvalidInput; then nothing has changed. A client that got the
+        current map as a file may load that file again, which undoes its loads since then: the maps
+        that were stored before them are stored again.
         """
         present = self._maps.confirmed
         elsewhere = found.world not in (None, present) and not same_frame
         if elsewhere and present is not None:
-            return self._stored.replace(data)
+            return self._stored.replace(found, data)
         self._maps.use_anywhere()
         self._use(found, data if elsewhere else None)
         self._restored = None
-        self._stored.drop()
+        if _digest(data) != self._saved or not self._stored.bring_back():
+            self._stored.drop()
         return pb.ObjectMapLoaded(gaussians=len(self.current), objects=len(self.current.objects()))
 
     def restore(self, saved: SavedMap) -> None:
         """Use the map file of an earlier process. Raises InvalidInput."""
         found = persistence.read(saved.data, self.current.empty_viewpoints())
+        found.content.registry.next_label += LOST_LABELS
         self._use(found, saved.data)
         objects, gaussians = len(self.current.objects()), len(self.current)
         content = content_in_words(objects, gaussians, self.newest)
@@ -102,6 +111,11 @@ class WorldMaps:
         """Content of a map file: the current map, its world and its newest frame."""
         world = self._maps.world or self._maps.robot_world
         return persistence.arrays_of(self.current.content(), world, self.newest)
+
+    def note_saved(self, data: bytes) -> None:
+        """Note that a client got the current map as a file."""
+        self._saved = _digest(data)
+        self._stored.forget_dropped()
 
     def take_over_stored(self) -> bool:
         """Add the stored map to the current one if it is relocalised; True if it was.
@@ -159,5 +173,10 @@ class WorldMaps:
         own = self._stored.take(world)
         if own is None or len(self.current):  # a map that was saved later contains it
             return False
+        own.registry.next_label += LOST_LABELS
         self.current.load_content(own)
         return True
+
+
+def _digest(data: bytes) -> bytes:
+    return hashlib.sha256(data).digest()

@@ -163,9 +163,10 @@ def _loaded(bus: Bus, method: Method[Req, M], request: Req, whose: str) -> M:
 
 
 def put_back(bus: Bus, objects: pb.ObjectMapFile, why: HeliosError) -> None:
-    """Restore the former objects of the object map.
+    """Restore the former objects of the object map, and the maps that it had stored.
 
-    If that fails, raises an error of the type of `why` with both messages.
+    objects: the newest file that it gave. If that fails, raises an error of the type of `why` with
+    both messages.
     """
     try:
         former = pb.ObjectMapFile(data=objects.data, same_frame=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 from collections.abc import Callable
@@ -138,7 +139,7 @@ class MapFiles:
         self._found = None
         if areas_m2(restored[0].published)[0] < ENOUGH_M2 and self._stored.exists:
             return None
-        self._stored.write(found)
+        self._stored.put(found)
         return decode_map(found, maps.rules, maps.footprint_radius_m, maps.version)
 
     def taken_over(self) -> None:
@@ -223,7 +224,7 @@ class MapFiles:
             present = maps.robot_world or maps.world
             stored = not (request.same_frame or world in (None, present))
             if stored and world is not None:
-                self._stored.write(request.files[0].data)
+                self._stored.put(request.files[0].data)
                 seek(Sought(state, world))
             else:
                 maps.replace(state)
@@ -232,6 +233,10 @@ class MapFiles:
             self._restored = self._found = None
             published = state.published
             views = len(state.memory)
+        try:
+            self._stored.write()
+        except OSError as error:  # the next save tries again, and the health tells if that fails
+            log.error("the stored map cannot be written: %s", error)
         known_m2, occupied_m2 = areas_m2(published)
         return pb.LoadMap2DReply(
             version=published.version,
@@ -261,12 +266,13 @@ class MapFiles:
 
     def _newer(self, kept_version: int) -> tuple[int, bytes] | None:
         published = published_of(self._maps())
-        if published is None or published.empty or published.version == kept_version:
-            return None
-        try:
-            return self._file()
-        except Unavailable:  # the map was reset meanwhile
-            return None
+        newer = None
+        changed = published is not None and published.version != kept_version
+        if (changed or self._stored.unwritten) and not (published is None or published.empty):
+            with contextlib.suppress(Unavailable):  # the map was reset meanwhile
+                newer = self._file()
+        self._stored.write()
+        return newer
 
     def _troubled(self, reason: str) -> None:
         reason = reason or self._refused

@@ -145,9 +145,9 @@ def most_likely_columns(
     "other". The classes of the current context compete with each other, where the first of equal
     ones wins, and with "other", the evidence that the views of a class gave to no class. The
     winner's evidence must exceed the share `named_from` of the sum of its evidence and that of
-    "other". If no class of the context wins, a class of an earlier context wins while its
-    probability is above `named_from`. The flag says whether the winner exceeds `core_from` in the
-    same way.
+    "other". If no class of the context wins, the most likely of those classes of earlier contexts
+    wins whose evidence exceeds the share `named_from` of all evidence of their views. The flag says
+    whether the winner exceeds `core_from` in the same way.
     """
     present = np.array(context_columns, np.int64)
     earlier = np.setdiff1d(np.arange(positive.shape[1]), present)
@@ -230,11 +230,12 @@ def believe_kernel(
         believed[k], in_core[k] = other, True
         best, highest = 0, -1.0
         for column in earlier:
-            mean = (positive[row, column] + prior) / (total_evidence[row, column] + prior_total)
-            if mean > highest:
-                best, highest = column, mean
-        if highest > named_from + tie:
-            believed[k], in_core[k] = best, highest > core_from + tie
+            own, everything = positive[row, column], total_evidence[row, column]
+            for_other, margin = max(everything - own, 0.0), tie * (1 + everything)
+            mean = (own + prior) / (everything + prior_total)
+            if own > per_other * for_other + margin and mean > highest:
+                believed[k], highest = column, mean
+                in_core[k] = own > core_per_other * for_other + margin
         highest, for_present = -1.0, 0.0
         for j in range(present.size):
             column = present[j]

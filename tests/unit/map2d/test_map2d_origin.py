@@ -93,6 +93,24 @@ def test_a_late_frame_of_an_earlier_start_is_refused_and_changes_nothing() -> No
     assert rig.snapshot() == before
 
 
+def test_views_count_after_a_restart_although_the_frame_numbers_begin_again() -> None:
+    rig = rig_with_map()
+    first = frame_after_start(rig, "monday", ORIGIN)
+    again = frame_after_start(rig, "tuesday", ORIGIN, yaw=3.0)
+    again = replace(again, id=replace(again.id, seq=first.id.seq))
+    rig.observe(first, "first", {"pick": 0.3})
+    rig.say_epoch("tuesday", origin=ORIGIN)
+    rig.keyframe(again)
+    before = rig.snapshot().values["pick"]
+    rig.observe(again, "first", {"pick": 0.6})
+    assert rig.acks[-1].accepted, rig.acks[-1].reason
+    assert rig.snapshot().values["pick"] != before
+    assert [view.id for view in state_of(rig).memory.snapshot()] == [first.id, again.id]
+    version = rig.snapshot().version
+    rig.observe(again, "first", {"pick": 0.6})
+    assert rig.snapshot().version == version  # the same view counts once
+
+
 def test_each_world_epoch_of_an_origin_has_its_own_map() -> None:
     rig = rig_with_map()
     old = state_of(rig).map_id

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -12,6 +13,7 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import Unavailable
 from helios_core.geometry import Matrix, invert, se2_to_se3
+from helios_core.map_autosave import WriteOutcome
 from helios_core.map_snapshot import OCCUPIED, UNKNOWN, decode_snapshot
 from helios_core.topics import RECALL, RELOCALISATION, RESET_MAP2D
 from helios_core.types import Frame
@@ -148,6 +150,32 @@ def test_the_map_of_an_earlier_process_is_sought_and_survives_on_the_disk(
     look(later, [(3.9, 3.4), (2.2, 2.4)], HOME, "tuesday", T_NOW_HOME)
     assert told[-1].state == "relocalised"
     assert not (tmp_path / "stored-map2d.map").exists()
+
+
+def test_a_stored_map_that_no_disk_had_room_for_is_written_with_a_later_save(
+    tmp_path: Path, home_file: list[pb.Map2DFile], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Until then its only file is that of the present map, which must stay."""
+
+    def no_room(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "no space left on the device")
+
+    present, stored = tmp_path / "map2d.map", tmp_path / "stored-map2d.map"
+    present.write_bytes(home_file[0].data)
+    with monkeypatch.context() as full:
+        full.setattr("helios_core.stored_map_file.write_file", no_room)
+        rig, _ = started("--state-dir", str(tmp_path), "--keep-period-s", "3600")
+        look(rig, [(4.2, 2.5)], HOME, "tuesday", T_NOW_HOME, most=1)
+        kept = rig.service._keeping._kept
+        assert kept is not None
+        assert kept.write() is WriteOutcome.FAILED
+    assert "no space left on the device; make room there" in rig.health.state[1]
+    assert present.read_bytes() == home_file[0].data
+    assert not stored.exists()
+    assert kept.write()
+    assert "no space left" not in rig.health.state[1]
+    assert stored.read_bytes() == home_file[0].data
+    assert present.read_bytes() != home_file[0].data
 
 
 def test_a_map_of_the_present_world_replaces_at_once(home_file: list[pb.Map2DFile]) -> None:

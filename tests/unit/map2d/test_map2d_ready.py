@@ -54,15 +54,20 @@ def test_a_refused_robot_description_is_reported_after_a_restart_too() -> None:
     assert health.state[0] == "ready"
 
 
-def test_a_service_that_cannot_start_reports_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_service_that_cannot_start_ends_its_process_and_reports_the_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     class Broken(MemoryBus):
         def subscribe(self, topic: Topic[Any], handler: Callable[[Any], None]) -> Registration:
             raise RuntimeError("the bus is gone")
 
+    ended: list[int] = []
+    monkeypatch.setattr(main.os, "_exit", ended.append)
     monkeypatch.setattr(main, "warm_up", lambda: None)
     health = Health()
     hosted = main.MapHost(Broken(MemoryHub()), health, Settings.load([]))
-    wait_until(lambda: health.state[0] == "degraded", 10, "the trouble is told of")
+    wait_until(lambda: ended == [1], 10, "the process is told to end")
+    assert health.state[0] == "degraded"
     assert "could not be started (RuntimeError: the bus is gone)" in health.state[1]
     hosted.close()
 

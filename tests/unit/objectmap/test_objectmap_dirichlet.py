@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helios_objectmap.fusion import semantics
-from helios_objectmap.fusion.semantics import accumulate, most_likely_columns, score
+from helios_objectmap.fusion.semantics import (
+    NAMED_FROM,
+    accumulate,
+    most_likely_columns,
+    score,
+)
 from helios_objectmap.gaussians import OTHER, GaussianStore
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -102,9 +107,12 @@ def test_score_is_the_mean_less_the_mean_deviation():
     assert got.psi == pytest.approx(0.7 - 2.0 * 0.2)  # eq. 7
 
 
-def most_likely_class(positive, total, context):
+def most_likely_class(positive, total, context, named_from=NAMED_FROM):
     positive, total = np.array([positive], np.float32), np.array([total], np.float32)
-    return most_likely_columns(positive, total, np.arange(1), context, 1.0, len(context) + 1)[0][0]
+    columns, _ = most_likely_columns(
+        positive, total, np.arange(1), context, 1.0, len(context) + 1, named_from
+    )
+    return columns[0]
 
 
 def test_ties_go_to_other_and_then_to_the_first_class():
@@ -118,15 +126,22 @@ def test_a_class_of_an_earlier_context_holds_until_the_present_context_names_one
     assert most_likely_class([9, 9], [10, 10], [1]) == 1
 
 
+def test_a_class_of_an_earlier_context_needs_evidence_above_its_share():
+    for positive, total in [(0, 0), (0, 10), (1, 10)]:
+        assert most_likely_class([positive, 0], [total, 0], [1], named_from=0.15) == OTHER
+    assert most_likely_class([2, 0], [10, 0], [1], named_from=0.15) == 0
+    assert most_likely_class([0, 2, 0], [0, 10, 0], [2], named_from=0.15) == 1
+
+
 def reference_belief(positive, total, context, prior, named_from):
     """The most likely class in float64, plain Python: (column, by how much it leads)."""
     n_classes = len(context) + 1
     mean = (positive + prior) / (total + prior * n_classes)
     earlier = [c for c in range(len(positive)) if c not in context]
-    best, lead = OTHER, np.inf
-    if earlier:
-        top = max(earlier, key=mean.__getitem__)
-        best, lead = (top if mean[top] > named_from else OTHER), abs(mean[top] - named_from)
+    above = {c: positive[c] - named_from * total[c] for c in earlier}
+    likely = [c for c in earlier if above[c] > 0]
+    best = max(likely, key=mean.__getitem__, default=OTHER)
+    lead = min([*map(abs, above.values()), *np.diff(sorted(mean[likely])[-2:])], default=np.inf)
     ranked = sorted(mean[context])
     top = max(context, key=mean.__getitem__)
     other = max(total[top] - positive[context].sum(), 0)

@@ -244,6 +244,20 @@ def test_a_shared_class_keeps_its_evidence_in_a_new_context_and_new_classes_star
     assert of_class(objects, "table")  # an earlier task's table keeps its class
 
 
+def test_what_the_present_search_names_no_more_is_no_object_of_an_earlier_search():
+    """Without evidence every class has the probability of the prior, which is above 0.15."""
+    objects = ObjectMap(SETTINGS.model_copy(update={"named_from": 0.15}))
+    objects.set_context(SearchContext("c1", (MUG,)))
+    counter = SearchContext("c2", (COUNTER,))
+    around = [(0.0, y) for y in np.linspace(-0.6, 0.6, 9)]
+    (once,) = seen_from(around[:1], ROOM, context=counter, called={2: "counter"})
+    objects.update(once, counter)
+    assert of_class(objects, "counter")
+    for o in seen_from(around[1:], ROOM, start=1, context=counter, called={}):
+        objects.update(o, counter)
+    assert not of_class(objects, "mug")
+
+
 def test_views_of_a_context_without_a_class_do_not_count_against_that_class():
     only_table = SearchContext("c0", (TABLE,))
     objects = ObjectMap(SETTINGS)

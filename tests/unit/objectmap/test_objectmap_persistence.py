@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import os
 import signal
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,11 +38,12 @@ from helios_core.topics import (
 from helios_core.types import RobotState
 from helios_objectmap import persistence
 from helios_objectmap.export import SH_C0
+from helios_objectmap.gaussians import GaussianStore
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.service import FILE_NAME, ObjectMapService
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from objectmap_scene import CAMERA, ROOM, SETTINGS, looking_at, mug_at, observe
+from objectmap_scene import CAMERA, ROOM, SETTINGS, Box, looking_at, mug_at, observe
 from objectmap_scene import CONTEXT as SOUGHT
 
 MUG_CENTER = (1.2, 0.0, 0.8)
@@ -211,6 +214,8 @@ def test_a_flipped_bit_in_the_zip_directory_raises_nothing_but_invalid_input(rig
         ("store.radius_m", -0.01, "a radius is not above 0"),
         ("store.opacity", 1.5, "opacity not from 0 to 1"),
         ("store.positive", -1.0, "evidence is below 0"),
+        ("store.instance", -5, "an instance is below 0"),
+        ("store.instance", 2**31 - 2, "instances and Gaussians disagree"),
     ],
 )
 def test_a_complete_file_with_invalid_values_is_refused(rig, array, value, said):
@@ -218,6 +223,21 @@ def test_a_complete_file_with_invalid_values_is_refused(rig, array, value, said)
         arrays = {name: file[name] for name in file.files}
     arrays[array][0] = value
     with pytest.raises(InvalidInput, match=said):
+        persistence.read(persistence.to_bytes(arrays), ObjectMap(SETTINGS).empty_viewpoints())
+
+
+@pytest.mark.parametrize("label", [-2_000_000_000, 2**31 - 2])
+def test_labels_are_checked_before_they_index_an_array(rig, label, monkeypatch):
+    """The first of these labels ended the process, the second allocated 16 GB."""
+    with np.load(io.BytesIO(rig.saved())) as file:
+        arrays = {name: file[name] for name in file.files}
+    header = json.loads(arrays["header"].tobytes())
+    header["records"][label] = next(iter(header["records"].values()))
+    header["next_label"] = label + 1
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+    arrays["store.instance"][0] = label
+    monkeypatch.setattr(GaussianStore, "fill", lambda *_: pytest.fail("the labels were used"))
+    with pytest.raises(InvalidInput, match="the next instance is"):
         persistence.read(persistence.to_bytes(arrays), ObjectMap(SETTINGS).empty_viewpoints())
 
 
@@ -322,6 +342,26 @@ def test_the_map_is_restored_after_a_restart_and_health_reports_that(tmp_path, e
         one.bus.publish(OBSERVATION, observation_to_proto(o))
     assert again.objects() == first.objects()  # frames of the same epoch go into the same map
     again.service.close()
+
+
+def test_an_instance_after_a_crash_gets_no_id_that_the_map_file_lacks(tmp_path):
+    def see(rig: Rig, boxes: Sequence[Box], seq: int) -> None:
+        o = observe(boxes, looking_at(0.0, 0.0, MUG_CENTER), seq=seq)
+        rig.bus.publish(OBSERVATION, observation_to_proto(o))
+
+    first = Rig(tmp_path)
+    first.bus.publish(CONTEXT, context_to_proto(SOUGHT))
+    see(first, ROOM, 0)
+    kept = first.service._kept
+    assert kept is not None
+    assert kept.write()
+    see(first, SCENE, 1)
+    lost = first.mug().id  # the process ends before it writes again
+    again = Rig(tmp_path)
+    again.bus.publish(CONTEXT, context_to_proto(SOUGHT))
+    assert {o.class_name for o in again.objects()} == {"table"}
+    see(again, (*ROOM, mug_at(1.2, 0.3)), 2)
+    assert again.mug().id > lost
 
 
 def test_an_autosaved_map_of_an_ended_world_is_replaced_at_once(tmp_path):

@@ -328,6 +328,23 @@ def test_a_what_if_about_an_unknown_object_or_an_invalid_camera_is_refused(rig):
         rig.bus.call(WHAT_IF, pb.WhatIfRequest(object_id=mug.id, class_name="mug"), 1.0)
 
 
+def test_a_what_if_of_more_pixels_than_a_picture_may_have_is_refused_before_it_is_rendered(rig):
+    rig.ask_for()
+    rig.see()
+    (mug,) = rig.objects("mug")
+    camera = pb.Pinhole(fx=3e3, fy=3e3, cx=2e3, cy=2e3, width=4000, height=4000)
+    request = pb.WhatIfRequest(
+        object_id=mug.id,
+        class_name="mug",
+        T_world_cam=[transform_to_proto(looking_at(0.4, 0.2, MUG_CENTER))],
+        camera=camera,
+    )
+    with pytest.raises(InvalidInput, match="4000x4000 pixels asked for; at most 2304000 in"):
+        rig.bus.call(WHAT_IF, request, 1.0)
+    request.camera.CopyFrom(pinhole_to_proto(CAMERA))
+    assert rig.bus.call(WHAT_IF, request, 1.0).pixels
+
+
 def test_retire_by_id_or_point_removes_the_object(rig):
     rig.ask_for()
     for by_point in (False, True):

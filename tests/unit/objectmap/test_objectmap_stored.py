@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from helios_core import proto as pb
 from helios_core.codec import context_to_proto, observation_to_proto, state_to_proto
 from helios_core.geometry import Matrix, se2_to_se3
 from helios_core.health import Health
+from helios_core.map_autosave import WriteOutcome
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import (
     CONTEXT,
@@ -28,6 +30,7 @@ from helios_core.topics import (
     STORED_OBJECTS,
 )
 from helios_core.types import RobotState
+from helios_objectmap import persistence
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.service import FILE_NAME, ObjectMapService
 from objectmap_scene import CONTEXT as SOUGHT
@@ -90,8 +93,9 @@ class Robot:
     def saved(self) -> bytes:
         return self.bus.call(SAVE_OBJECTS, pb.Empty(), 5.0).data
 
-    def load(self, data: bytes) -> pb.ObjectMapLoaded:
-        return self.bus.call(LOAD_OBJECTS, pb.ObjectMapFile(data=data), 5.0)
+    def load(self, data: bytes, same_frame: bool = False) -> pb.ObjectMapLoaded:
+        file = pb.ObjectMapFile(data=data, same_frame=same_frame)
+        return self.bus.call(LOAD_OBJECTS, file, 5.0)
 
     def is_told(self, state: str, stored: str = "monday") -> None:
         """map2d publishes the place of the stored map."""
@@ -196,6 +200,64 @@ def test_a_reset_forgets_the_stored_objects(tmp_path: Path, monday: Robot) -> No
     assert not today.stored().objects
     today.is_told("relocalised")
     assert not today.objects()
+
+
+def stored_worlds(robot: Robot) -> list[str]:
+    """Starts of the robot whose maps are stored, the newest first."""
+    return [world.robot_boot_id for world in robot.service._stored._maps]
+
+
+@pytest.mark.parametrize("change", ["stored", "used", "reset"])
+def test_a_load_that_is_undone_brings_the_stored_maps_back(
+    tmp_path: Path, monday: Robot, change: str
+) -> None:
+    """The gateway undoes it if map2d refuses its part of the file."""
+    (tmp_path / FILE_NAME).write_bytes(monday.saved())
+    Robot("sunday", tmp_path).see(T_NOW_HOME, VIEWS[:1]).service.close()
+    today = Robot("tuesday", tmp_path).see(T_NOW_HOME, VIEWS[:1])
+    assert stored_worlds(today) == ["sunday", "monday"]
+    before, known = today.saved(), today.objects()
+    if change == "reset":
+        today.bus.call(RESET_OBJECTS, pb.Empty(), 5.0)
+    else:
+        other = Robot("friday").see(np.eye(4), VIEWS[:1]).saved()
+        assert today.load(other, same_frame=change == "used").stored == (change == "stored")
+    assert stored_worlds(today) == (["friday"] if change == "stored" else [])
+    today.load(before, same_frame=True)
+    assert stored_worlds(today) == ["sunday", "monday"]
+    assert today.objects() == known
+    again = Robot("tuesday", tmp_path)
+    assert stored_worlds(again) == ["sunday", "monday"]
+    again.is_told("unknown", "monday")
+    assert again.stored().objects
+
+
+def test_a_map_that_is_stored_is_decoded_once_and_written_while_the_map_answers(
+    tmp_path: Path, monday: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    today = Robot("tuesday", tmp_path).see(T_NOW_HOME, VIEWS[:1])
+    lock, read, locked = today.service._lock, persistence.read, []
+
+    def noted(*args: Any) -> Any:
+        locked.append(("read", lock.locked()))
+        return read(*args)
+
+    def write(path: Path, data: bytes) -> None:
+        locked.append(("written", lock.locked()))
+
+    monkeypatch.setattr(persistence, "read", noted)
+    monkeypatch.setattr("helios_core.stored_map_file.write_file", write)
+    assert today.load(monday.saved()).stored
+    assert locked == [("read", False), ("written", False)]
+
+
+def test_a_load_after_the_map_was_saved_again_forgets_the_stored_maps(monday: Robot) -> None:
+    today = Robot("tuesday").see(T_NOW_HOME, VIEWS[:1])
+    today.load(monday.saved())
+    today.load(Robot("friday").see(np.eye(4), VIEWS[:1]).saved())
+    assert stored_worlds(today) == ["friday"]
+    today.load(today.saved(), same_frame=True)
+    assert stored_worlds(today) == []
 
 
 def test_the_objects_of_two_earlier_processes_wait_for_the_place_of_either(
@@ -317,6 +379,33 @@ def test_the_file_of_a_relocalised_map_stays_while_the_disk_is_full(
     assert again.mugs() == today.mugs()
 
 
+def test_a_stored_map_that_no_disk_had_room_for_is_written_with_a_later_save(
+    tmp_path: Path, monday: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Until then its only file is that of the present map, which must stay."""
+
+    def no_room(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "no space left on the device")
+
+    stored, data = tmp_path / f"stored-{FILE_NAME}", monday.saved()
+    (tmp_path / FILE_NAME).write_bytes(data)
+    today = Robot("tuesday", tmp_path)
+    today.service.warm_up()
+    kept = today.service._kept
+    assert kept is not None
+    with monkeypatch.context() as full:
+        full.setattr("helios_core.stored_map_file.write_file", no_room)
+        today.see(T_NOW_HOME, VIEWS[:1])
+        assert kept.write() is WriteOutcome.FAILED
+    assert "no space left on the device; make room there" in today.health.state[1]
+    assert (tmp_path / FILE_NAME).read_bytes() == data
+    assert not stored.exists()
+    assert kept.write()
+    assert "no space left" not in today.health.state[1]
+    assert stored.read_bytes() == data
+    assert (tmp_path / FILE_NAME).read_bytes() != data
+
+
 def test_stored_objects_that_cannot_be_used_are_told_and_stop_no_observation(
     tmp_path: Path, monday: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -327,7 +416,8 @@ def test_stored_objects_that_cannot_be_used_are_told_and_stop_no_observation(
     monkeypatch.setattr(ObjectMap, "add_stored", lambda *_: 1 / 0)
     today.is_told("relocalised", "monday")
     assert "stored objects cannot be used" in today.health.state[1]
-    assert (tmp_path / f"stored-{FILE_NAME}").exists()
     accepted = today.health.metrics()["observations_accepted"]
     today.see(T_NOW_HOME, VIEWS[1:2])
     assert today.health.metrics()["observations_accepted"] == accepted + 1
+    today.service.close()
+    assert (tmp_path / f"stored-{FILE_NAME}").exists()
