@@ -9,8 +9,9 @@ import threading
 from collections.abc import Sequence
 
 from helios_core.bus import Bus
-from helios_core.errors import HeliosError, Unavailable
+from helios_core.errors import DeadlineExceeded, HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
+from helios_core.robot import RobotDriver
 from helios_core.service_process import Service, run_service
 
 from helios_bridge.driver_executor import DriverExecutor
@@ -19,6 +20,9 @@ from helios_bridge.service import END_WITHIN_S, BridgeService
 from helios_bridge.settings import Settings
 
 log = logging.getLogger(__name__)
+
+FIRST_PAUSE_S = 0.3  # between two attempts to create the service; it doubles after each fault
+LONGEST_PAUSE_S = 30.0
 
 
 class RobotHost:
@@ -31,28 +35,37 @@ class RobotHost:
         self._executor = executor
         self._service: BridgeService | None = None
         driver = load_driver(settings, bus)  # wrong settings end the process here
+        executor.start("connect", lambda: self._connect(bus, driver, settings, health))
 
-        def connect() -> None:
-            while not self._ending.is_set():
-                try:
-                    service = BridgeService(bus, driver, settings, health, executor=executor)
-                except Unavailable as error:
-                    health.waiting(f"the robot cannot be reached: {error.message}")
-                    self._ending.wait(0.3)
-                    continue
-                except HeliosError as error:  # no retry: the error would stay
-                    health.degraded(error.message)
-                    return
-                except Exception as error:  # an internal error
-                    log.exception("the bridge could not be created")
-                    health.degraded(f"the bridge failed ({type(error).__name__}: {error})")
-                    return
+    def _connect(self, bus: Bus, driver: RobotDriver, settings: Settings, health: Health) -> None:
+        """Create the service, again and again until the robot answers as it should. Only invalid
+        input ends the attempts: it would stay."""
+        pause_s = FIRST_PAUSE_S
+        while not self._ending.is_set():
+            again = f"the bridge tries again in {pause_s:g} s"
+            try:
+                service = BridgeService(bus, driver, settings, health, executor=self._executor)
+            except InvalidInput as error:
+                health.degraded(error.message)
+                return
+            except Unavailable as error:  # the robot may be starting: the pause stays short
+                health.waiting(f"the robot cannot be reached: {error.message}")
+                self._ending.wait(FIRST_PAUSE_S)
+                continue
+            except DeadlineExceeded as error:
+                health.waiting(f"the robot answers too late: {error.message}; {again}")
+            except HeliosError as error:
+                health.degraded(f"{error.message}; {again}")
+            except Exception as error:  # an internal error
+                log.exception("the bridge could not be created")
+                health.degraded(f"the bridge failed ({type(error).__name__}: {error}); {again}")
+            else:
                 self._service = service
                 if not self._ending.is_set():
                     service.start()
                 return
-
-        executor.start("connect", connect)
+            self._ending.wait(pause_s)
+            pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
 
     def close(self) -> None:
         self._ending.set()
@@ -61,7 +74,7 @@ class RobotHost:
         if self._service is not None:
             self._service.close()
         if hanging := self._executor.wait(0.0):
-            log.error("abandoned, because the driver does not return: %s", ", ".join(hanging))
+            log.error("abandoned, because they do not return: %s", ", ".join(hanging))
 
 
 def service(argv: Sequence[str] | None = None, executor: DriverExecutor | None = None) -> Service:

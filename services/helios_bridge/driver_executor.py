@@ -1,4 +1,4 @@
-"""Threads that use the driver, and calls that may never return.
+"""Threads that use the driver or write the stop to the disk; their calls may never return.
 
 A driver is external code and may hang. No thread waits for it without limit: requests have a
 deadline, and threads that still hang at the end are named and abandoned. The process then exits

@@ -1,13 +1,15 @@
 """Stop of the robot: a latched stop by a person, and the halt of an action whose sender is silent.
 
 Both call the driver's stop without the lock on the driver, because an action may be running. A stop
-holds until `clear`, and is repeated until the robot confirms it. A halt ends with the action.
+holds until `clear`, and is repeated until the robot confirms it. A halt ends with the action. The
+driver's stop comes before the log and the disk, which may be slow.
 """
 
 from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 from concurrent import futures
 from concurrent.futures import Future
@@ -68,20 +70,23 @@ class RobotStop:
     def stop(self, reason: str) -> None:
         """Stop the robot. Raises DeadlineExceeded if the driver's stop does not return in time.
 
-        In that case no further action starts, but the robot may still move.
+        In that case no further action starts, but the robot may still move. When it returns, the
+        stop is on the disk, unless the disk refused it or took longer than the time limit.
         """
-        self._health.count("stops")
+        end_s = time.monotonic() + self._timeout_s
         with self._lock:
             self._last_why = reason
-            self.why = _with_reason(self.why, reason)
+            self.why = why = _with_reason(self.why, reason)
             self._stops += 1
-            log.warning("stopped: %s", self.why)
             if not self._stop_hangs():
                 self._begin_stop()
             call = self._stop_call
-            self._latch.keep(self.why)
+            self._latch.keep(why)
+        self._health.count("stops")
+        log.warning("stopped: %s", why)
         assert call is not None
-        futures.wait((call,), self._timeout_s)
+        futures.wait((call,), end_s - time.monotonic())
+        self._latch.wait(end_s - time.monotonic())
         if not call.done():
             late = (
                 f"the driver's stop has not come back within {self._timeout_s:g} s; "
@@ -107,10 +112,11 @@ class RobotStop:
             anew = self._last_why if self._stops != stops else ""
             self.why, self.confirmed = anew, False
             if not anew:
-                self._latch.clear()
+                self._latch.keep("")
         if anew:  # the driver may have cleared it too; no action can have begun
             self.stop(anew)
             raise Conflict(f"the robot was stopped again meanwhile ({anew}); clear that stop, too")
+        self._latch.wait(self._timeout_s)
         self._health.stop_works()
         self._on_change()
 
@@ -156,10 +162,10 @@ class RobotStop:
             call = self._halt_call
             if self.why or (call is not None and not _failed(call)):
                 return
-            if call is None:
-                log.warning("the running action is ended: %s", why)
-                self._health.count("halts")
             self._halt_call = self._executor.begin("halt", lambda: self._halt_driver(why))
+        if call is None:
+            self._health.count("halts")
+            log.warning("the running action is ended: %s", why)
 
     def end_halt(self) -> None:
         """Allow actions again after a halt, at the latest once the driver has come back from it."""

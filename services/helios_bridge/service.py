@@ -29,6 +29,7 @@ from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, InvalidI
 from helios_core.health import Health
 from helios_core.heartbeat import HeartbeatMonitor
 from helios_core.keyframe_acks import FROM_DETECTIONS, KeyframeAcks, full_name_of, full_names
+from helios_core.log_rate_limit import LogRateLimit
 from helios_core.robot import (
     Action,
     ActionResult,
@@ -114,13 +115,14 @@ class BridgeService:
         self._ending, self._executor = threading.Event(), executor or DriverExecutor()
         self._stopping = RobotStop(
             self._driver,
-            StopLatch(settings.state_dir),
+            StopLatch(settings.state_dir, self._executor),
             self._executor,
             self._health,
             settings.stop_timeout_s,
             self._publish_state,
         )
         self._acks, self._actions = KeyframeAcks(full_name_of), ActionLog()
+        self._seldom = LogRateLimit(log)
         self._lease = Lease(settings.lease_s, first)
         description = description_to_proto(self._driver.describe())
         self._description = description_from_proto(description)  # validated like in every service
@@ -405,7 +407,7 @@ class BridgeService:
             except HeliosError as error:
                 self._health.no_image("waiting", f"the robot gives no image: {error.message}")
             except Exception as error:  # an internal error: the next frame may succeed
-                log.exception("a frame could not be made")
+                self._seldom.warn("frame", "a frame could not be made", error)
                 said = f"the bridge failed ({type(error).__name__}: {error})"
                 self._health.no_image("degraded", said)
             finally:
@@ -441,4 +443,5 @@ class BridgeService:
         except DriverFault:
             pass  # reported in the health until the driver's state works again
         except HeliosError as error:
-            log.warning("the robot's state could not be told: %s", error.message)
+            said = f"the robot's state could not be told: {error.message}"
+            self._seldom.warn(type(error), said)

@@ -15,10 +15,10 @@ from typing import TypeVar
 from helios_core.errors import DeadlineExceeded, HeliosError, Internal, Unavailable
 from helios_core.health import Health
 from helios_core.log_location import log_place
+from helios_core.log_rate_limit import LogRateLimit
 from helios_core.types import Embedding, Frame, SearchContext
 
 from helios_detector.backend import DetectorBackend, Findings, ScorerBackend
-from helios_detector.log_rate_limit import LogRateLimit
 from helios_detector.memory_usage import resident_mb
 from helios_detector.model_set import Models
 from helios_detector.output_checks import (

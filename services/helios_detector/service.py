@@ -31,6 +31,7 @@ from helios_core.codec.frames import detection_to_proto
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.health import Health
 from helios_core.image_messages import FrameMessage, ImageMessage, apart, kept
+from helios_core.log_rate_limit import LogRateLimit
 from helios_core.name_rules import plain
 from helios_core.topics import CONTEXT, DETECTOR_ACK, FRAME, KEYFRAME, OBSERVATION, PREVIEW
 from helios_core.types import Detection, Frame, Observation, SearchContext
@@ -77,7 +78,7 @@ class DetectorService:
         self._models = Models(detector, scorer, depth)
         self._analyzer = FrameAnalyzer(self._models, health)
         self._usage = usage or ModelUsage()
-        self._previews = previews
+        self._previews, self._seldom = previews, LogRateLimit(log)
         self.methods = QueryMethods(bus, self._analyzer, self._usage, health)
         self._lock = threading.Lock()  # guards the next six attributes
         self._context: SearchContext | None = None
@@ -322,7 +323,8 @@ class DetectorService:
 
     def _refuse(self, counter: str, message: FrameMessage, error: HeliosError) -> None:
         self._health.count(counter)
-        log.warning("%s: frame %d: %s", counter, message.id.seq, error.message)
+        said = f"{counter}: frame {message.id.seq}: {error.message}"
+        self._seldom.warn((counter, type(error)), said)
 
     def _say_trouble(self, what: str, why: str) -> None:
         """Record the reason of a step's last failure; "" after success."""

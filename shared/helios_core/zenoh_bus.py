@@ -41,6 +41,7 @@ log = logging.getLogger(__name__)
 
 QUEUE_DEPTH = 256
 SERVE_THREADS = 4  # per method, started when needed
+MOST_WAITING = 128  # calls of a method that wait for a thread, each with its request in memory
 RETAINED_HEARTBEAT_S = 0.5  # a subscriber notices within this time that it missed a message
 DISCOVERY_S = 0.25  # longest search for a service that serves a method
 MEETING_S = 1.0  # the same after meeting a router, whose services have yet to come
@@ -143,11 +144,19 @@ class ZenohBus(Bus):
 
         # Threads per method, so that a slow method (an action) cannot delay another (stop-now).
         pool = ThreadPoolExecutor(SERVE_THREADS, thread_name_prefix=f"serve {method.name}")
+        places = threading.Semaphore(MOST_WAITING)
         logged: set[str] = set()  # errors of replies, each logged once
 
-        def reply(query: zenoh.Query) -> None:
+        def refuse(_: Req) -> Rep:
+            raise Unavailable(f"{MOST_WAITING} calls of {method.name} already wait; try again")
+
+        def serve_waiting(query: zenoh.Query) -> None:
+            places.release()
+            reply(query, handler)
+
+        def reply(query: zenoh.Query, do: Callable[[Req], Rep]) -> None:
             try:
-                answer(query, key, method, handler)
+                answer(query, key, method, do)
             except zenoh.ZError as error:
                 if not self._closed and str(error) not in logged:
                     logged.add(str(error))
@@ -155,8 +164,11 @@ class ZenohBus(Bus):
 
         def accept() -> None:
             for query in _received(queryable.handler):
+                if not places.acquire(blocking=False):
+                    reply(query, refuse)
+                    continue
                 try:
-                    pool.submit(reply, query)
+                    pool.submit(serve_waiting, query)
                 except RuntimeError:  # the pool is shut down: the caller gets no reply
                     query.drop()
 

@@ -16,7 +16,7 @@ from helios_core import proto as pb
 from helios_core import zenoh_messages
 from helios_core.errors import Internal, InvalidInput, Unavailable, error_from_proto
 from helios_core.topics import CONTEXT, FRAME, GET_TASK, KEYFRAME, STOP
-from helios_core.zenoh_bus import ZenohBus
+from helios_core.zenoh_bus import SERVE_THREADS, ZenohBus
 
 from tests.support import wait_until
 
@@ -111,6 +111,40 @@ def test_replies_that_cannot_be_sent_are_reported_once(
     assert len(asked) > 1
     reported = [record.getMessage() for record in caplog.records]
     assert reported == ["a reply of planner/get could not be sent: no way out"]
+
+
+def test_a_call_is_refused_at_once_while_too_many_others_wait_and_those_are_answered(
+    zenoh_bus: ZenohBus, session: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("helios_core.zenoh_bus.MOST_WAITING", 2)
+    running: list[str] = []
+    go_on = threading.Event()
+
+    def hang(request: pb.TaskRequest) -> pb.Task:
+        running.append(request.id)
+        go_on.wait(30)
+        return pb.Task(id=request.id)
+
+    def ask(id: str) -> Any:
+        return session.get(GET, payload=pb.TaskRequest(id=id).SerializeToString(), timeout=30)
+
+    zenoh_bus.serve(GET_TASK, hang)
+    server: Any = session.declare_querier(GET)
+    wait_until(lambda: server.matching_status.matching, 20, "it serves")
+    try:
+        taken = [ask(str(n)) for n in range(SERVE_THREADS)]
+        wait_until(lambda: len(running) == SERVE_THREADS, 20, "every thread of it hangs")
+        taken += [ask("waits"), ask("waits, too")]
+        (refused,) = ask("one too many")
+        assert not go_on.is_set()
+        error = error_from_proto(pb.Error.FromString(refused.err.payload.to_bytes()))
+        assert isinstance(error, Unavailable)
+        assert error.message == "2 calls of planner/get already wait; try again"
+    finally:
+        go_on.set()
+    answers = [pb.Task.FromString(only.ok.payload.to_bytes()).id for (only,) in taken]
+    assert answers == [*map(str, range(SERVE_THREADS)), "waits", "waits, too"]
+    assert zenoh_bus.call(GET_TASK, pb.TaskRequest(id="later"), 20).id == "later"
 
 
 def test_a_retained_topic_also_receives_messages_of_an_ordinary_publisher(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +18,8 @@ from helios_client.commands.shared_options import (
     flatten_options,
     print_json,
 )
+
+RECORDING = re.compile(r"[A-Za-z0-9_-]+\.mcap")
 
 app = typer.Typer()
 
@@ -51,8 +54,9 @@ def faults(
         found = helios.faults()
         if save is not None:
             name = _named(found, save)
-            path = _write(out, name, helios.fault_recording(name))
-            print(path)
+            data = helios.fault_recording(name)
+            path = _write(out, name, data)
+            print_json({"file": str(path), "bytes": len(data)}) if as_json else print(path)
             return
     if as_json:
         print_json(found.raw)
@@ -61,15 +65,21 @@ def faults(
 
 
 def _named(found: FaultList, name: str) -> str:
-    """Name of the newest recording for `last`. Raises UsageError if there is none."""
+    """Name of the newest recording for `last`. Raises UsageError if there is none, and for a name
+    that no recording has: it becomes a file name, and may come from the gateway."""
     from helios_client.usage_errors import UsageError
 
-    if name.casefold() != "last":
-        return name
-    finished = [r for r in found.recordings if r.bytes is not None]
-    if not finished:
-        raise UsageError("there is no finished recording; helios faults lists them")
-    return finished[0].name
+    if name.casefold() == "last":
+        finished = [r for r in found.recordings if r.bytes is not None]
+        if not finished:
+            raise UsageError("there is no finished recording; helios faults lists them")
+        name = finished[0].name
+    if RECORDING.fullmatch(name) is None:
+        raise UsageError(
+            f"no recording has the name {name!r}; wanted one such as "
+            "20260102T030405Z-map2d-restarted.mcap; helios faults lists them"
+        )
+    return name
 
 
 def _write(out: Path | None, name: str, data: bytes) -> Path:

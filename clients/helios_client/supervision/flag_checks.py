@@ -76,6 +76,16 @@ def check_router(host: str, certs: Path | None) -> None:
         )
 
 
+def check_no_own_router(host: str, port: int | None) -> None:
+    """Raise UsageError for a flag of the router of this machine, while another one is used."""
+    for flag, given in (("--router-port", port is not None), ("--router-host", host != LOOPBACK)):
+        if given:
+            raise UsageError(
+                f"{flag} is for the router that this command starts, and --router names one "
+                "elsewhere; give its port with --router HOST:PORT"
+            )
+
+
 def check_detector(detector: str) -> str:
     """Detector as the services spell it. Checks that the name can exist, and that a model file
     does. Raises UsageError, or Unavailable for a recommended model that is not fetched."""

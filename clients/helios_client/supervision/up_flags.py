@@ -98,10 +98,11 @@ def stack_options(given: UpFlags) -> StackOptions:
 
 
 def _router(given: UpFlags) -> tuple[Path | None, int]:
-    """Absolute folder of the certificates, and the port of the router."""
-    flag_checks.check_router(given.router_host, given.certs)
+    """Absolute folder of the certificates, and the port of the router; 0 for one elsewhere."""
     if given.router is not None:
-        return given.certs and given.certs.absolute(), given.router_port or 0
+        flag_checks.check_no_own_router(given.router_host, given.router_port)
+        return given.certs and given.certs.absolute(), 0
+    flag_checks.check_router(given.router_host, given.certs)
     if given.certs is None:
         return None, given.router_port or free_port()
     certs = given.certs.absolute()

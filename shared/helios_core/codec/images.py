@@ -18,7 +18,8 @@ from helios_core.image_messages import Buffer
 MAX_PIXELS = 16_000_000  # a larger image is refused before it is decoded
 FARTHEST_DEPTH_M = 1000.0  # greater depth counts as invalid: beyond the range of any sensor
 _BYTES_PER_PIXEL = {"rgb8": 3, "bgr8": 3, "16UC1": 2, "32FC1": 4}
-_JPEG_SIZES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_JPEG_SIZES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # markers of a frame header
+_JPEG_SEGMENTS = {0xC4, 0xCC, *range(0xDB, 0xDE), *range(0xE0, 0xF0), 0xFE}  # that a length follows
 
 
 def raw_image_array(image: RawImage, what: str, data: Buffer | None = None) -> NDArray:
@@ -49,21 +50,25 @@ def raw_image_array(image: RawImage, what: str, data: Buffer | None = None) -> N
 
 
 def encoded_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) in the header of a PNG or JPEG; None for any other data."""
-    if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
+    """(width, height) in the header of a PNG or JPEG, as the decoder reads it; None for any other
+    data, and for a JPEG with a marker before its frame header that encoders write only later."""
+    if data[:8] == b"\x89PNG\r\n\x1a\n" and data[12:16] == b"IHDR" and len(data) >= 24:
         width, height = struct.unpack(">II", data[16:24])
         return width, height
     if data[:2] != b"\xff\xd8":
         return None
     at = 2
-    while at + 9 < len(data):
-        if data[at] != 0xFF:
-            return None
+    while at + 9 < len(data) and data[at] == 0xFF:
         marker = data[at + 1]
         if marker in _JPEG_SIZES:
             height, width = struct.unpack(">HH", data[at + 5 : at + 9])
             return width, height
-        at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+        if marker == 0xFF:  # a fill byte
+            at += 1
+        elif marker in _JPEG_SEGMENTS:
+            at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+        else:  # the decoder skips some of these, and reads no length
+            return None
     return None
 
 

@@ -161,6 +161,15 @@ def test_a_repeated_fault_is_logged_with_one_traceback(caplog: pytest.LogCapture
     assert caplog.text.count("Traceback") == 1
 
 
+def test_a_robot_that_is_away_is_logged_once_and_not_with_every_state(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    stage = Stage(Misbehaving(state=Unavailable("no answer from the robot")))
+    for _ in range(20):
+        stage.bridge._publish_state()
+    assert caplog.text.count("the robot's state could not be told: no answer from the robot") == 1
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [

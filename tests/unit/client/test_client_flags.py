@@ -173,3 +173,18 @@ def test_a_plan_is_checked_before_anything_starts(folder: Path) -> None:
     assert str(FLAT) in by_name["world"]
     assert "Ground" in by_name["world"]
     assert any(name in word for word in by_name["planner"])
+
+
+@pytest.mark.parametrize(
+    ("flags", "wrong"),
+    [(["--router-port", "7448"], "--router-port"), (["--router-host", "0.0.0.0"], "--router-host")],
+)
+def test_the_flags_of_a_router_here_are_refused_with_a_router_elsewhere(
+    flags: list[str], wrong: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    state = ["--state", str(folder / "state"), "--port", str(free_port())]
+    services = ["--services", "planner", "--router", "10.0.0.2"]
+    assert cli.run(["up", "--robot", "remote", *services, *flags, *state]) == 2
+    said = capsys.readouterr().err
+    assert f"{wrong} is for the router that this command starts" in said
+    assert "--router HOST:PORT" in said

@@ -14,11 +14,11 @@ from detector_scene import SceneTruth, context_of
 from helios_core import proto as pb
 from helios_core.codec import observation_from_proto
 from helios_core.errors import Internal
+from helios_core.log_rate_limit import LogRateLimit
 from helios_core.topics import KEYFRAME, VOCABULARY
 from helios_core.types import SearchContext
 from helios_detector.backend import Findings
 from helios_detector.lexical_scorer import LexicalScorer
-from helios_detector.log_rate_limit import LogRateLimit
 from helios_detector.simulation.ground_truth_detector import GroundTruthDetector
 
 Slip = Callable[[Findings], Any]

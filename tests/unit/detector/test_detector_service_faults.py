@@ -84,6 +84,15 @@ def test_a_broken_frame_is_counted_and_the_next_frame_is_answered(what):
     assert rig.health.state[0] == "ready"
 
 
+def test_refused_previews_are_counted_and_logged_once(caplog: pytest.LogCaptureFixture):
+    rig = Rig()
+    wrong = broken("pose", rig.frame())
+    for _ in range(20):
+        rig.bus.publish(FRAME, wrong)
+    assert rig.count("previews_refused") == 20
+    assert caplog.text.count("previews_refused: frame 1: ") == 1
+
+
 class Leaking(GroundTruthDetector):
     """Raises in `accelerator_mb`, after the detection, if `fails` is set."""
 

@@ -1,4 +1,4 @@
-"""Rate limit for warnings that may repeat with every frame; it counts the suppressed ones."""
+"""Rate limit for warnings that may repeat many times a second; it counts the suppressed ones."""
 
 from __future__ import annotations
 
