@@ -151,7 +151,7 @@ class Raising(RoomRobot):
 
     def _do(self, action) -> str:
         why_not = super()._do(action)
-        if "hand" in why_not:
+        if "cannot" in why_not:
             raise ValueError(why_not)
         return why_not
 
