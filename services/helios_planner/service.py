@@ -60,7 +60,7 @@ from helios_planner.warm_up import warm_up
 log = logging.getLogger(__name__)
 
 MOST_PRIORITY = 100
-HEARTBEAT_S = 5.0
+ALIVE_EVERY_S = 5.0
 MEND_S = 1.0  # period of retries while tasks cannot be stored
 SETTINGS_S = 1.0
 TASK_ID = re.compile("[0-9a-f]{8,32}")  # ids that a client may choose
@@ -104,8 +104,8 @@ class PlannerService:
         bus.serve(RESERVE, self.reserve)
         self._worker = threading.Thread(target=self._work, name="worker", daemon=True)
         self._worker.start()
-        self._heart_thread = threading.Thread(target=self._heartbeat, name="heartbeat", daemon=True)
-        self._heart_thread.start()
+        self._alive_thread = threading.Thread(target=self._note_alive, name="alive", daemon=True)
+        self._alive_thread.start()
         self._tell_health()
 
     def close(self) -> None:
@@ -117,7 +117,7 @@ class PlannerService:
                 event.set()
             self._wake.notify_all()
         self._worker.join(1.5)
-        self._heart_thread.join(1.5)
+        self._alive_thread.join(1.5)
         self._registry.close()
 
     # --- methods -------------------------------------------------------------------------------
@@ -426,14 +426,14 @@ class PlannerService:
             self._wake.notify_all()
         return task_to_proto(changed)
 
-    def _heartbeat(self) -> None:
+    def _note_alive(self) -> None:
         """Store periodically that the planner is alive, so that the next one knows how long none
         was. While tasks cannot be stored, retry that."""
-        while not self._ending.wait(MEND_S if self._store.fault else HEARTBEAT_S):
+        while not self._ending.wait(MEND_S if self._store.fault else ALIVE_EVERY_S):
             if self._store.fault:
                 self._registry.mend()
             else:
-                self._registry.heartbeat()
+                self._registry.note_alive()
 
     def _on_description(self, description: pb.RobotDescription) -> None:
         self._description = description

@@ -34,7 +34,7 @@ CREATE TABLE IF NOT EXISTS refuted (
     world TEXT NOT NULL, class TEXT NOT NULL, x_m REAL NOT NULL, y_m REAL NOT NULL,
     z_m REAL NOT NULL, probability REAL NOT NULL, unnamed INTEGER NOT NULL, at_s REAL NOT NULL
 );
-CREATE TABLE IF NOT EXISTS heartbeat (one INTEGER PRIMARY KEY CHECK (one = 1), at_s REAL NOT NULL);
+CREATE TABLE IF NOT EXISTS alive (one INTEGER PRIMARY KEY CHECK (one = 1), at_s REAL NOT NULL);
 """
 ROOM_BYTES = 256 * 1024  # free space that the disk must have before writes are tried again
 MAKE_ROOM = (
@@ -112,7 +112,7 @@ def _connected(path: Path) -> sqlite3.Connection:
         db.execute(f"PRAGMA wal_autocheckpoint={LOG_PAGES}")
         db.execute("PRAGMA journal_size_limit=0")
         # Detects damage at the start.
-        for table in ("tasks", "decisions", "journal", "refuted", "heartbeat"):
+        for table in ("tasks", "decisions", "journal", "refuted", "alive"):
             db.execute(f"SELECT * FROM {table}").fetchall()
     except BaseException:
         db.close()

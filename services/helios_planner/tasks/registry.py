@@ -114,9 +114,9 @@ class TaskRegistry:
             return UNREADABLE
         return ""
 
-    def heartbeat(self) -> None:
+    def note_alive(self) -> None:
         """Store that the planner is alive now."""
-        self._store.heartbeat(time.time())
+        self._store.note_alive(time.time())
 
     def mend(self) -> None:
         """Write the outdated tasks, and publish the ends that waited for it."""
@@ -160,7 +160,7 @@ class TaskRegistry:
                 self._tell_end(ended.with_(message=f"{ended.message}; {NOT_KEPT}"))
             else:
                 self._leave(id, "was stopped while the task ran; submit it again")
-        self._store.heartbeat(0.0)
+        self._store.note_alive(0.0)
         self._store.close()
 
     def _leave(self, id: str, why: str) -> None:

@@ -182,13 +182,13 @@ class Store:
         return self._write((delete, (here, time.time() - KEPT_S)), *[(put, row) for row in rows])
 
     # --- the planner itself --------------------------------------------------------------------
-    def heartbeat(self, at_s: float) -> bool:
+    def note_alive(self, at_s: float) -> bool:
         """Store when the planner was alive; 0: it was stopped."""
-        return self._write(("INSERT OR REPLACE INTO heartbeat VALUES (1, ?)", (at_s,)))
+        return self._write(("INSERT OR REPLACE INTO alive VALUES (1, ?)", (at_s,)))
 
     def alive_s(self) -> float:
         """Time when a planner was last alive; 0: it was stopped, or there was none."""
-        rows = self._rows("SELECT at_s FROM heartbeat")
+        rows = self._rows("SELECT at_s FROM alive")
         return float(rows[0][0]) if rows else 0.0
 
     def mend(
@@ -206,7 +206,7 @@ class Store:
             *[(_PUT, _row(task)) for task in (*open_tasks, *ended)],
             *[(_SETTLE, (task.id,)) for task in ended],
             *[one for decision in decisions for one in self._additions(decision)],
-            ("INSERT OR REPLACE INTO heartbeat VALUES (1, ?)", (time.time(),)),
+            ("INSERT OR REPLACE INTO alive VALUES (1, ?)", (time.time(),)),
             safe=True,
         )
         if not written:

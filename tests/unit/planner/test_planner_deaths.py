@@ -193,11 +193,11 @@ def test_the_duration_of_a_pause_does_not_count_as_absence_of_the_planner(
     store.close()
     store = Store(tmp_path)
     settings, bus = hasty(tmp_path), MemoryBus(MemoryHub())
-    store.heartbeat(time.time())
+    store.note_alive(time.time())
     task_registry = TaskRegistry(bus, settings, Health(), store)
     assert task_registry.restore() == ["a"]
     assert task_registry.known("a").state is State.PAUSED
-    store.heartbeat(long_ago_s)
+    store.note_alive(long_ago_s)
     task_registry = TaskRegistry(bus, settings, Health(), store)
     assert task_registry.restore() == []
     assert task_registry.known("a").state is State.FAILED

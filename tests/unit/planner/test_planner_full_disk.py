@@ -26,7 +26,7 @@ pytestmark = pytest.mark.timeout(180)
 @pytest.fixture(autouse=True)
 def short_mend_period(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(service, "MEND_S", 0.05)
-    monkeypatch.setattr(service, "HEARTBEAT_S", 0.05)
+    monkeypatch.setattr(service, "ALIVE_EVERY_S", 0.05)
 
 
 def group_after_restart(group: PlannerGroup, tmp_path: Path) -> PlannerGroup:
@@ -59,7 +59,7 @@ def test_the_planner_is_degraded_and_refuses_tasks_while_they_cannot_be_stored(
 def test_a_task_whose_submission_cannot_be_stored_is_not_listed(group: PlannerGroup) -> None:
     group.peers(flat_with_mug())
     bus = group.planner()
-    group.planners[-1]._ending.set()  # no heartbeat notices first
+    group.planners[-1]._ending.set()  # the thread "alive" does not notice first
     with refusing(group.planners[-1]), pytest.raises(Unavailable, match="no task is taken"):
         submit(bus, GO)
     assert not bus.call(service.LIST_TASKS, pb.Empty(), 5).tasks

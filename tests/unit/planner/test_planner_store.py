@@ -65,11 +65,11 @@ def test_seen_at_goal_is_stored_and_reported(seen: bool | None) -> None:
     assert task_from_proto(reported) == task
 
 
-def test_the_newest_heartbeat_is_kept(tmp_path: Path) -> None:
+def test_the_newest_time_when_the_planner_was_alive_is_kept(tmp_path: Path) -> None:
     store = Store(tmp_path)
     assert store.alive_s() == 0
-    store.heartbeat(5.0)
-    store.heartbeat(7.5)
+    store.note_alive(5.0)
+    store.note_alive(7.5)
     assert store.alive_s() == 7.5
     store.close()
 
