@@ -20,7 +20,7 @@ from helios_core.geometry import (
 )
 from helios_examples.room import fits, look
 from nav_msgs.msg import Odometry
-from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -43,23 +43,25 @@ class FakeRobot:
         self.camera = Pinhole(
             0.875 * width, 0.875 * width, (width - 1) / 2, (height - 1) / 2, width, height
         )
-        self._began_s = time.monotonic()
+        self._began_s = self._last_s = time.monotonic()
+        self._clock_rate = options.clock_rate or 1.0
+        self._clock_start_ns = (
+            round(options.clock_start * 1e9) if options.clock_rate else time.time_ns()
+        )
         self.x = self.y = self.yaw = 0.0
         self.v = self.w = self._command_s = 0.0
         self.tilt = self._tilt_goal = TILT_RAD
-        self._last_s = time.monotonic()
+        self._seen_from = (self.now_ns(self._began_s), (0.0, 0.0, 0.0, TILT_RAD))
         self._drawn: Any = None
         self.group = ReentrantCallbackGroup()
         self._make_topics()
-        node.create_timer(STEP_S, self._step, callback_group=self.group)
+        one_at_a_time = MutuallyExclusiveCallbackGroup()
+        node.create_timer(STEP_S, self._step, callback_group=one_at_a_time)
         threading.Thread(target=self._film, daemon=True).start()
 
-    def now_ns(self) -> int:
-        """Time of the robot's own clock."""
-        if not self.o.clock_rate:
-            return time.time_ns()
-        passed_s = (time.monotonic() - self._began_s) * self.o.clock_rate
-        return int((self.o.clock_start + passed_s) * 1e9)
+    def now_ns(self, now_s: float) -> int:
+        """Time of the robot's own clock at a time of `time.monotonic`."""
+        return self._clock_start_ns + int((now_s - self._began_s) * self._clock_rate * 1e9)
 
     @property
     def T_world_base(self) -> Matrix:
@@ -117,17 +119,18 @@ class FakeRobot:
     def _static_transforms(self) -> list[TransformStamped]:
         aside = np.eye(4)
         aside[0, 3] = -ASIDE_M  # x of the optical frame is to the right
-        out = [self._transform(OPTICAL, DEPTH_OPTICAL, aside)]
+        ns = self._clock_start_ns
+        out = [self._transform(ns, OPTICAL, DEPTH_OPTICAL, aside)]
         if not self.o.tilt:
-            out.append(self._transform("base_footprint", OPTICAL, self._T_base_cam()))
+            out.append(self._transform(ns, "base_footprint", OPTICAL, self._T_base_cam()))
         return out
 
     def _T_base_cam(self) -> Matrix:
         return camera_on_base(np.eye(4), HEIGHT_M, self.tilt)
 
-    def _transform(self, parent: str, child: str, T: Matrix) -> TransformStamped:
+    def _transform(self, ns: int, parent: str, child: str, T: Matrix) -> TransformStamped:
         out = TransformStamped(child_frame_id=child)
-        self._stamp(out.header, self.now_ns(), parent)
+        self._stamp(out.header, ns, parent)
         t, q = out.transform.translation, out.transform.rotation
         t.x, t.y, t.z = (float(v) for v in T[:3, 3])
         q.x, q.y, q.z, q.w = quaternion_from_rotation(T[:3, :3])
@@ -136,7 +139,7 @@ class FakeRobot:
     # --- body ---------------------------------------------------------------------------------
     def _step(self) -> None:
         now_s = time.monotonic()
-        passed_s = (now_s - self._last_s) * (self.o.clock_rate or 1.0)
+        passed_s = (now_s - self._last_s) * self._clock_rate
         self._last_s = now_s
         if now_s - self._command_s > WATCHDOG_S:
             self.halt()
@@ -146,7 +149,8 @@ class FakeRobot:
         if fits(x, y, RADIUS_M):
             self.x, self.y = x, y
         self.tilt += max(-0.02, min(0.02, self._tilt_goal - self.tilt))
-        ns = self.now_ns()
+        ns = self.now_ns(now_s)
+        self._seen_from = (ns, (self.x, self.y, self.yaw, self.tilt))
         self._tell(ns)
 
     def _tell(self, ns: int) -> None:
@@ -159,9 +163,9 @@ class FakeRobot:
             out.twist.twist.linear.x, out.twist.twist.angular.z = self.v, self.w
             self._odom.publish(out)
         if self._tf is not None:
-            moving = [self._transform("odom", "base_footprint", self.T_world_base)]
+            moving = [self._transform(ns, "odom", "base_footprint", self.T_world_base)]
             if self.o.tilt:
-                moving.append(self._transform("base_footprint", OPTICAL, self._T_base_cam()))
+                moving.append(self._transform(ns, "base_footprint", OPTICAL, self._T_base_cam()))
             self._tf.publish(self._tf_message(transforms=moving))
         if self._joints is not None:
             joints = JointState(name=["wheel", TILT_JOINT], position=[0.0, self.tilt])
@@ -176,9 +180,13 @@ class FakeRobot:
 
     # --- camera -------------------------------------------------------------------------------
     def _film(self) -> None:
-        due_s = time.monotonic()
+        due_s, last_ns = time.monotonic(), 0
         while self.node.context.ok():
-            ns, at = self.now_ns(), (self.x, self.y, self.yaw, self.tilt)
+            ns, at = self._seen_from
+            if ns == last_ns:  # under load a step may take longer than an image
+                time.sleep(STEP_S / 4)
+                continue
+            last_ns = ns
             color, depth_m = self._seen(at)
             self._publish_image(self._color, self._color_info, color, "rgb8", ns, OPTICAL)
             if self.o.depth == "16UC1":
