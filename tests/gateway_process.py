@@ -14,7 +14,7 @@ from helios_gateway.settings import Settings
 from tests.gateway_backend import Backend
 
 # Fake services report once, and tests do not wait for the next tick.
-QUICK = ("--tick-s", "0.05", "--silent-after-s", "3600")
+QUICK = ("--tick-s", "0.05", "--silent-after-s", "3600", "--teleop-hold-s", "2")
 
 
 @dataclass

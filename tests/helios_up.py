@@ -46,6 +46,13 @@ class Up:
 
 U = TypeVar("U", bound=Up)
 
+# Limits of services that may wait for a core: tests share the machine.
+PATIENT = {
+    "HELIOS_BRIDGE_STOP_TIMEOUT_S": "10",
+    "HELIOS_GATEWAY_STOP_TIMEOUT_S": "20",
+    "HELIOS_GATEWAY_CALL_TIMEOUT_S": "30",
+}
+
 
 def is_ready(port: int) -> bool:
     """Return whether the gateway reports ready; False where no gateway answers."""
@@ -65,7 +72,8 @@ def helios_up(
         sys.executable, "-m", "helios_client", "up", *flags, "--port", str(port),
         "--router-port", str(router_port), "--state", str(state),
     ]  # fmt: skip
-    with started(argv, state / "up.log", {"MUJOCO_GL": "egl"} | dict(environment or {})) as process:
+    variables = PATIENT | {"MUJOCO_GL": "egl"} | dict(environment or {})
+    with started(argv, state / "up.log", variables) as process:
         yield kind(process, port, router_port, state)
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import importlib
+import itertools
+import os
 import re
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import httpx
@@ -15,15 +19,28 @@ from helios_core.settings import ServiceSettings
 
 # `httpx.get` loads the CA certificates at every call: 25 ms of processor time per request.
 LOOPBACK = httpx.Client(
-    verify=False, trust_env=False, timeout=10, limits=httpx.Limits(max_keepalive_connections=0)
+    verify=False, trust_env=False, timeout=60, limits=httpx.Limits(max_keepalive_connections=0)
 )
 
 
+FIRST_PORT, PORTS = 10_000, 1_000  # below the ports that the system hands out
+
+
+@functools.cache
+def _ports() -> Iterator[int]:
+    """Ports of this test process, in a circle; parallel processes have others."""
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    first, start = FIRST_PORT + worker * PORTS, os.getpid() % PORTS
+    return itertools.cycle(first + (start + i) % PORTS for i in range(PORTS))
+
+
 def free_port() -> int:
-    """Return a TCP port on loopback that was free a moment ago."""
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return int(s.getsockname()[1])
+    """Return a TCP port on loopback that is free now and that nobody else is given meanwhile."""
+    for port in itertools.islice(_ports(), PORTS):
+        with socket.socket() as s, contextlib.suppress(OSError):
+            s.bind(("127.0.0.1", port))
+            return port
+    raise AssertionError(f"none of {PORTS} ports is free")
 
 
 def read_to_the_end(lines: Iterable[object]) -> threading.Event:
@@ -39,16 +56,23 @@ def read_to_the_end(lines: Iterable[object]) -> threading.Event:
     return over
 
 
+POLL_S = 1.0
 ENDS_WITHIN_S = 30.0  # limit for a process to stop; beyond it, it hangs, also on a busy machine
 
 
 def wait_until(condition: Callable[[], object], timeout_s: float, what: str) -> None:
-    """Poll until the condition holds; fail after the deadline with the text `what`."""
-    deadline = time.monotonic() + timeout_s
+    """Poll until the condition holds; fail after the deadline with the text `what`.
+
+    A process that was paused does not lose its time: each poll counts as at most `POLL_S`.
+    """
+    left_s, last_s = timeout_s, time.monotonic()
     while not condition():
-        if time.monotonic() > deadline:
+        if left_s < 0:
             raise AssertionError(f"waited {timeout_s:g} s in vain until {what}")
         time.sleep(0.02)
+        now_s = time.monotonic()
+        left_s -= min(now_s - last_s, POLL_S)
+        last_s = now_s
 
 
 def settings_of(module: str) -> type[ServiceSettings]:

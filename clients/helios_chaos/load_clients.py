@@ -13,6 +13,7 @@ import json
 import signal
 import socket
 import time
+from collections import Counter
 from dataclasses import dataclass, field
 
 from helios_chaos.figures import percentiles
@@ -30,7 +31,7 @@ class Counts:
 
     events: int = 0
     requests: int = 0
-    failed: int = 0
+    failures: Counter[str] = field(default_factory=Counter)  # "status path" -> requests
     late: int = 0  # requests not sent, as all connections were busy
     latency_ms: list[float] = field(default_factory=list)
 
@@ -72,7 +73,8 @@ async def ask(port: int, todo: asyncio.Queue[str], counts: Counts) -> None:
         except (OSError, asyncio.IncompleteReadError, ValueError):
             streams, status = None, 0
         counts.requests += 1
-        counts.failed += status >= 500 or status in (0, 429)
+        if status >= 500 or status in (0, 429):
+            counts.failures[f"{status} {path}"] += 1
         counts.latency_ms.append((time.perf_counter() - began_s) * 1e3)
 
 
@@ -119,8 +121,9 @@ def main() -> None:
     took_s = time.perf_counter() - began_s
     print(json.dumps({
         "dashboards": DASHBOARDS, "events": counts.events, "requests": counts.requests,
-        "requests_per_s": round(counts.requests / took_s, 1), "failed": counts.failed,
-        "late": counts.late, "latency_ms": percentiles(counts.latency_ms, 50, 99, digits=2),
+        "requests_per_s": round(counts.requests / took_s, 1), "failed": counts.failures.total(),
+        "failures": dict(counts.failures), "late": counts.late,
+        "latency_ms": percentiles(counts.latency_ms, 50, 99, digits=2),
     }))  # fmt: skip
 
 

@@ -87,7 +87,9 @@ class LoadResult:
                 f"{MOST_EVENTS}"
             )
         if self.loaded.clients.get("failed"):
-            out.append(f"{self.loaded.clients['failed']} requests failed")
+            kinds = self.loaded.clients["failures"].items()
+            told = ", ".join(f"{n} times {kind}" for kind, n in kinds)
+            out.append(f"{self.loaded.clients['failed']} requests failed: {told}")
         if self.loaded.clients.get("late", 0) > LATE_SHARE * self.loaded.clients.get("requests", 0):
             out.append(
                 f"the clients sent only {self.loaded.clients['requests_per_s']:g} requests a "

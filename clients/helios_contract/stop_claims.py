@@ -13,7 +13,8 @@ from helios_core.robot import Action, Observe, Turn
 
 from helios_contract.rig import Rig
 
-WITHIN_S = 15.0
+WITHIN_S = 30.0
+TRIES_S = 30.0  # of stops in the middle of a turn
 REASON = "a child in the way"
 PARTS = 8  # fractions of a turn's duration at which a stop is tried
 MOVED_RAD = 0.02  # smallest turn that counts as motion
@@ -74,7 +75,7 @@ def _interrupted_turn(rig: Rig) -> _Turning:
     A simulated robot turns within a few milliseconds, so most stops come too early or too late.
     Each retry stops another fraction of a turn later.
     """
-    until_s, whole_s, n = time.monotonic() + WITHIN_S, 0.0, 0
+    until_s, whole_s, n = time.monotonic() + TRIES_S, 0.0, 0
     while True:
         turning = _Turning(rig, -rig.turn_rad if n % 2 else rig.turn_rad)
         if n == 0:
@@ -86,7 +87,7 @@ def _interrupted_turn(rig: Rig) -> _Turning:
         if MOVED_RAD <= turned_rad < rig.turn_rad - rig.tolerance_rad:
             return turning
         tired = n >= PARTS and time.monotonic() > until_s
-        assert not tired, f"in {WITHIN_S:g} s no stop has ended a turn that ran"
+        assert not tired, f"in {TRIES_S:g} s no stop has ended a turn that ran"
         if not turning.refusal or n == 0:
             whole_s = turning.took_s
         rig.driver.clear_stop()

@@ -68,5 +68,5 @@ def _open(router: str, robot: str) -> ZenohBus:
             return False
         return True
 
-    wait_until(try_open, 30, "the router answers")
+    wait_until(try_open, 60, "the router answers")
     return opened[0]

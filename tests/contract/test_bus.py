@@ -40,7 +40,7 @@ def test_a_published_message_arrives_whole_and_as_a_copy(make_bus: MakeBus) -> N
     got: list[pb.Decision] = []
     b.subscribe(DECISION, got.append)
     sent = pb.Decision(task_id="t", why="because")
-    wait_until(lambda: a.publish(DECISION, sent) or bool(got), 5, "the decision arrives")
+    wait_until(lambda: a.publish(DECISION, sent) or bool(got), 60, "the decision arrives")
     assert got[0] == sent
     assert got[0] is not sent
 
@@ -50,12 +50,12 @@ def test_a_never_drop_topic_delivers_every_message_in_order(make_bus: MakeBus) -
     got: list[int] = []
     b.subscribe(OBJECTMAP_ACK, lambda m: got.append(m.version))
     wait_until(
-        lambda: a.publish(OBJECTMAP_ACK, pb.Ack(version=0)) or bool(got), 5, "the two are joined"
+        lambda: a.publish(OBJECTMAP_ACK, pb.Ack(version=0)) or bool(got), 60, "the two are joined"
     )
     got.clear()
     for i in range(1, 101):
         a.publish(OBJECTMAP_ACK, pb.Ack(version=i))
-    wait_until(lambda: bool(got) and got[-1] == 100, 5, "the last one arrives")
+    wait_until(lambda: bool(got) and got[-1] == 100, 60, "the last one arrives")
     assert [v for v in got if v] == list(range(1, 101))
 
 
@@ -72,11 +72,11 @@ def test_a_slow_subscriber_of_a_latest_wins_topic_receives_the_newest_message(
             go.wait(5)
 
     b.subscribe(FRAME, slow)
-    wait_until(lambda: a.publish(FRAME, _frame(0)) or bool(got), 5, "the two are joined")
+    wait_until(lambda: a.publish(FRAME, _frame(0)) or bool(got), 60, "the two are joined")
     for i in range(1, 31):
         a.publish(FRAME, _frame(i, 10_000))
     go.set()
-    wait_until(lambda: got[-1] == 30, 5, "the newest frame arrives")
+    wait_until(lambda: got[-1] == 30, 60, "the newest frame arrives")
 
 
 def test_a_late_joiner_gets_the_retained_message_once(make_bus: MakeBus) -> None:
@@ -86,9 +86,9 @@ def test_a_late_joiner_gets_the_retained_message_once(make_bus: MakeBus) -> None
     early: list[str] = []
     late: list[str] = []
     make_bus("r").subscribe(CONTEXT, lambda m: early.append(m.id))
-    wait_until(lambda: "new" in early, 5, "nothing is on its way any more")
+    wait_until(lambda: "new" in early, 60, "nothing is on its way any more")
     make_bus("r").subscribe(CONTEXT, lambda m: late.append(m.id))
-    wait_until(lambda: "new" in late, 5, "the retained context arrives")
+    wait_until(lambda: "new" in late, 60, "the retained context arrives")
     assert late == ["new"]
 
 
@@ -98,7 +98,7 @@ def test_one_subscription_receives_the_status_of_all_services(make_bus: MakeBus)
     got: set[str] = set()
     b.subscribe(ANY_STATUS, lambda m: got.add(m.service))
     a.publish(status_topic("planner"), pb.ServiceStatus(service="planner"))
-    wait_until(lambda: got == {"map2d", "planner"}, 5, "both statuses arrive")
+    wait_until(lambda: got == {"map2d", "planner"}, 60, "both statuses arrive")
 
 
 def test_a_call_returns_the_handlers_value(make_bus: MakeBus) -> None:
@@ -152,13 +152,15 @@ def test_a_call_of_a_method_without_a_server_is_unavailable(make_bus: MakeBus) -
 def test_an_answer_after_the_deadline_is_a_timeout(make_bus: MakeBus) -> None:
     a, b = make_bus("r"), make_bus("r")
 
-    def late(_: pb.TaskRequest) -> pb.Task:
-        threading.Event().wait(0.6)
+    def late(request: pb.TaskRequest) -> pb.Task:
+        if request.id == "late":
+            threading.Event().wait(0.6)
         return pb.Task()
 
     b.serve(GET_TASK, late)
+    a.call(GET_TASK, pb.TaskRequest(), 60)  # the server is found
     with pytest.raises(DeadlineExceeded, match=r"0\.2"):
-        a.call(GET_TASK, pb.TaskRequest(), 0.2)
+        a.call(GET_TASK, pb.TaskRequest(id="late"), 0.2)
 
 
 def test_a_failing_subscriber_gets_the_next_message(make_bus: MakeBus) -> None:
@@ -170,7 +172,9 @@ def test_a_failing_subscriber_gets_the_next_message(make_bus: MakeBus) -> None:
         raise ValueError("bad day")
 
     b.subscribe(OBJECTMAP_ACK, handler)
-    wait_until(lambda: a.publish(OBJECTMAP_ACK, pb.Ack(version=1)) or len(got) > 1, 5, "two arrive")
+    wait_until(
+        lambda: a.publish(OBJECTMAP_ACK, pb.Ack(version=1)) or len(got) > 1, 60, "two arrive"
+    )
 
 
 def test_liveliness_reports_present_joining_and_leaving_services(make_bus: MakeBus) -> None:
@@ -178,11 +182,11 @@ def test_liveliness_reports_present_joining_and_leaving_services(make_bus: MakeB
     a.announce("detector", "1")
     seen: list[tuple[str, str, bool]] = []
     b.watch(lambda *event: seen.append(event))
-    wait_until(lambda: ("detector", "1", True) in seen, 5, "the present one is told")
+    wait_until(lambda: ("detector", "1", True) in seen, 60, "the present one is told")
     later = a.announce("planner", "2")
-    wait_until(lambda: ("planner", "2", True) in seen, 5, "the newcomer is told")
+    wait_until(lambda: ("planner", "2", True) in seen, 60, "the newcomer is told")
     later.close()
-    wait_until(lambda: ("planner", "2", False) in seen, 5, "the leaver is told")
+    wait_until(lambda: ("planner", "2", False) in seen, 60, "the leaver is told")
 
 
 def test_a_robot_does_not_receive_messages_of_another_robot(make_bus: MakeBus) -> None:
@@ -192,7 +196,7 @@ def test_a_robot_does_not_receive_messages_of_another_robot(make_bus: MakeBus) -
     b.subscribe(CONTEXT, lambda m: other.append(m.id))
     c.subscribe(CONTEXT, lambda m: mine.append(m.id))
     a.publish(CONTEXT, pb.SearchContext(id="x"))
-    wait_until(lambda: mine == ["x"], 5, "the same robot hears it")
+    wait_until(lambda: mine == ["x"], 60, "the same robot hears it")
     assert other == []
 
 
@@ -213,19 +217,19 @@ def test_slow_calls_of_one_method_do_not_delay_another_method(make_bus: MakeBus)
 
     def slow(_: pb.ActionRequest) -> pb.ActionResult:
         hanging.append(1)
-        go.wait(10)
+        go.wait(60)
         return pb.ActionResult()
 
     b.serve(ACT, slow)
     b.serve(STOP, lambda _: pb.Empty())
     askers = [
-        threading.Thread(target=lambda: a.call(ACT, pb.ActionRequest(), 15)) for _ in range(12)
+        threading.Thread(target=lambda: a.call(ACT, pb.ActionRequest(), 90)) for _ in range(12)
     ]
     try:
         for asker in askers:
             asker.start()
-        wait_until(lambda: len(hanging) >= SERVE_THREADS, 5, "every thread of it hangs")
-        assert a.call(STOP, pb.StopRequest(), 2) == pb.Empty()
+        wait_until(lambda: len(hanging) >= SERVE_THREADS, 60, "every thread of it hangs")
+        assert a.call(STOP, pb.StopRequest(), 30) == pb.Empty()
     finally:
         go.set()
         for asker in askers:
@@ -249,7 +253,7 @@ def test_closed_registrations_leave_no_threads_and_no_entries(make_bus: MakeBus)
         assert asker.call(GET_TASK, pb.TaskRequest(id="7"), 5).id == "7"
         for registration in registrations * 2:  # a second time does nothing
             registration.close()
-    wait_until(lambda: set(threading.enumerate()) <= before, 5, "its threads end")
+    wait_until(lambda: set(threading.enumerate()) <= before, 60, "its threads end")
     assert isinstance(bus, ZenohBus | MemoryBus)
     assert len(bus._mine) == 0
     bus.subscribe(CONTEXT, lambda _: None)
@@ -272,7 +276,7 @@ def test_a_handler_may_close_its_own_registration(make_bus: MakeBus) -> None:
         return pb.Task(id=request.id)
 
     mine += [b.subscribe(OBJECTMAP_ACK, once), b.serve(GET_TASK, last)]
-    wait_until(lambda: a.publish(OBJECTMAP_ACK, pb.Ack()) or bool(heard), 5, "the two are joined")
+    wait_until(lambda: a.publish(OBJECTMAP_ACK, pb.Ack()) or bool(heard), 60, "the two are joined")
     assert a.call(GET_TASK, pb.TaskRequest(id="7"), 5).id == "7"
     with pytest.raises(Unavailable, match="nobody serves"):
         a.call(GET_TASK, pb.TaskRequest(id="8"), 5)

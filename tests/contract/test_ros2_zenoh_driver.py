@@ -33,6 +33,7 @@ from helios_ros2.offered_qos import Qos
 from helios_ros2.settings import Ros2Settings
 from helios_ros2.zenoh_node import ZenohNode
 
+from tests.ros2_processes import PATIENT
 from tests.support import ENDS_WITHIN_S, free_port, wait_until
 
 CAMERA = Pinhole(140, 140, 79.5, 59.5, 160, 120)
@@ -45,6 +46,8 @@ class ZenohRobot:
 
     def __init__(self, router: str) -> None:
         self.x = self.y = self.yaw = self.v = self.w = self._command_s = 0.0
+        self._last_s = time.monotonic()
+        self._seen_from = (time.time_ns(), np.eye(4))  # stamp and pose of the base
         self.node = ros = ZenohNode("fake_robot", router)
         image, info = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
         best = Qos(reliable=False)
@@ -54,7 +57,7 @@ class ZenohRobot:
         self._tf = ros.publisher("/tf", TF, Qos(), 100)
         static = ros.publisher("/tf_static", TF, Qos(retained=True), 1)
         mount = camera_on_base(np.eye(4), HEIGHT_M, TILT_RAD)
-        static.publish(self._transforms("base_link", FRAME, mount))
+        static.publish(self._transforms(time.time_ns(), "base_link", FRAME, mount))
         ros.subscribe("/cmd_vel", "geometry_msgs/msg/TwistStamped", self._on_twist, Qos(), 1)
         self._ended = threading.Event()
         for do, period_s in ((self._step, STEP_S), (self._film, 0.1)):
@@ -74,19 +77,22 @@ class ZenohRobot:
         self._command_s = time.monotonic()
 
     def _step(self) -> None:
-        if time.monotonic() - self._command_s > 0.5:
+        now_s, ns = time.monotonic(), time.time_ns()
+        passed_s, self._last_s = now_s - self._last_s, now_s
+        if now_s - self._command_s > 0.5:
             self.v = self.w = 0.0
-        x = self.x + self.v * math.cos(self.yaw) * STEP_S
-        y = self.y + self.v * math.sin(self.yaw) * STEP_S
-        self.yaw += self.w * STEP_S
+        x = self.x + self.v * math.cos(self.yaw) * passed_s
+        y = self.y + self.v * math.sin(self.yaw) * passed_s
+        self.yaw += self.w * passed_s
         if fits(x, y, 0.25):
             self.x, self.y = x, y
         base = se2_to_se3(self.x, self.y, self.yaw)
-        self._tf.publish(self._transforms("odom", "base_link", base))
+        self._seen_from = (ns, base)
+        self._tf.publish(self._transforms(ns, "odom", "base_link", base))
 
     def _film(self) -> None:
-        header = self._header(FRAME)
-        base = se2_to_se3(self.x, self.y, self.yaw)
+        ns, base = self._seen_from
+        header = self._header(ns, FRAME)
         color, depth_m = look(CAMERA, camera_on_base(base, HEIGHT_M, TILT_RAD))
         image = self.node.interface("sensor_msgs/msg/Image")
         for publisher, pixels, encoding in (
@@ -110,14 +116,14 @@ class ZenohRobot:
             info(header=header, height=120, width=160, distortion_model="plumb_bob", d=[], k=k)
         )
 
-    def _header(self, frame: str) -> Any:
+    def _header(self, ns: int, frame: str) -> Any:
         header = self.node.interface("std_msgs/msg/Header")(frame_id=frame)
-        header.stamp.sec, header.stamp.nanosec = divmod(time.time_ns(), 10**9)
+        header.stamp.sec, header.stamp.nanosec = divmod(ns, 10**9)
         return header
 
-    def _transforms(self, parent: str, child: str, T: np.ndarray) -> Any:
+    def _transforms(self, ns: int, parent: str, child: str, T: np.ndarray) -> Any:
         one = self.node.interface("geometry_msgs/msg/TransformStamped")(
-            header=self._header(parent), child_frame_id=child
+            header=self._header(ns, parent), child_frame_id=child
         )
         t, q = one.transform.translation, one.transform.rotation
         t.x, t.y, t.z = (float(v) for v in T[:3, 3])
@@ -137,9 +143,11 @@ class TestZenoh(DriverContract):
             try:
                 with closing(connected(router)) as robot:
                     assert robot is not None
-                    settings = Ros2Settings(transport="zenoh", zenoh_router=router, pose="tf")
+                    settings = Ros2Settings(
+                        transport="zenoh", zenoh_router=router, pose="tf", **PATIENT
+                    )
                     with closing(Ros2Driver(settings)) as driver:
-                        wait_until(lambda: described(driver), 30, "the robot is described")
+                        wait_until(lambda: described(driver), 60, "the robot is described")
                         yield Rig(driver, tolerance_m=0.05)
             finally:
                 process.terminate()
@@ -156,7 +164,7 @@ def connected(router: str) -> ZenohRobot:
             return False
         return True
 
-    wait_until(connects, 30, "the router is up")
+    wait_until(connects, 60, "the router is up")
     return robots[0]
 
 

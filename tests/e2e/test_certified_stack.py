@@ -121,7 +121,7 @@ def test_the_task_is_in_the_record_of_changes(stack: Up) -> None:
         lines = [json.loads(line) for line in file.read_text().splitlines()]
         return [e for e in lines if "for the record" in e["request"]]
 
-    wait_until(stops, 20, "the stop is in the record")
+    wait_until(stops, 60, "the stop is in the record")
     assert (stops()[0]["path"], stops()[0]["status"]) == ("/v1/robot/stop", 200)
     assert LOOPBACK.post(f"{stack.address}/v1/robot/clear-stop").status_code == 200
 

@@ -94,13 +94,13 @@ def test_the_status_names_every_service_and_one_process_runs_them(stack: Stack) 
 def test_every_service_announces_itself_and_serves_all_its_methods(bus: ZenohBus) -> None:
     alive: set[str] = set()
     bus.watch(lambda service, instance, is_alive: alive.add(service))
-    wait_until(lambda: alive >= {"world", *TOGETHER}, 30, "all are announced")
+    wait_until(lambda: alive >= {"world", *TOGETHER}, 60, "all are announced")
     for name in TOGETHER:
         reply = bus.call(settings_method(name), pb.Empty(), 10)
         assert json.loads(reply.json)["robot"]["value"] == "robot"
         for method in set(ACCESS[name].serves) - {spans_method(name)}:  # tracing is off
             querier: Any = bus._session.declare_querier(method.key(bus.robot))
-            wait_until(lambda q=querier: q.matching_status.matching, 30, f"{method.name} is served")
+            wait_until(lambda q=querier: q.matching_status.matching, 60, f"{method.name} is served")
             querier.undeclare()
 
 

@@ -46,21 +46,21 @@ def page(browser: Browser, gateway: Served) -> Iterator[Page]:
 
 def stands(gateway: Served) -> None:
     """Wait until the last keyframe is taken and no move follows."""
-    wait_until(lambda: gateway.backend.driving.kinds()[-1:] == ["observe"], 30, "the robot stands")
+    wait_until(lambda: gateway.backend.driving.kinds()[-1:] == ["observe"], 60, "the robot stands")
 
 
 def test_a_button_drives_while_it_is_held(page: Page, gateway: Served) -> None:
     driving = gateway.backend.driving
     page.get_by_label(AHEAD).hover()
     page.mouse.down()
-    wait_until(lambda: driving.x_m > 0.15, 30, "the robot drives")
+    wait_until(lambda: driving.x_m > 0.15, 60, "the robot drives")
     expect(page.locator("#drive-said")).to_have_text("Drives.")
     page.mouse.up()
     stands(gateway)
     expect(page.locator("#drive-said")).to_be_empty()
     page.get_by_label("Turn right").hover()
     page.mouse.down()
-    wait_until(lambda: driving.yaw_rad < 0, 30, "it turns to the right")
+    wait_until(lambda: driving.yaw_rad < 0, 60, "it turns to the right")
     page.mouse.move(5, 5)  # the pointer slides off the button, which stays held until released
     page.mouse.up()
     stands(gateway)
@@ -70,7 +70,7 @@ def test_a_button_drives_while_it_is_held(page: Page, gateway: Served) -> None:
 def test_a_key_drives_while_it_is_held(page: Page, gateway: Served, key: str, kind: str) -> None:
     page.focus("#pad")
     page.keyboard.down(key)
-    wait_until(lambda: gateway.backend.driving.kinds()[:2] == [kind] * 2, 30, "it moves on")
+    wait_until(lambda: gateway.backend.driving.kinds().count(kind) >= 2, 60, "it moves on")
     page.keyboard.up(key)
     stands(gateway)
 
@@ -79,7 +79,7 @@ def test_a_key_that_is_released_under_the_command_key_lets_go(page: Page, gatewa
     """macOS sends no keyup of a letter while Cmd is down."""
     page.focus("#pad")
     page.keyboard.down("w")
-    wait_until(lambda: gateway.backend.driving.moves, 30, "the robot drives")
+    wait_until(lambda: gateway.backend.driving.moves, 60, "the robot drives")
     page.keyboard.down("Meta")
     stands(gateway)
     page.keyboard.up("Meta")
@@ -101,7 +101,7 @@ def test_the_robot_stops_when_the_page_loses_the_focus(
 ) -> None:
     page.focus("#pad")
     page.keyboard.down("w")
-    wait_until(lambda: gateway.backend.driving.moves, 30, "the robot drives")
+    wait_until(lambda: gateway.backend.driving.moves, 60, "the robot drives")
     page.evaluate(let_go)
     stands(gateway)
 
@@ -112,7 +112,7 @@ def test_the_robot_stops_when_the_page_is_closed(browser: Browser, gateway: Serv
     expect(page.get_by_label(AHEAD)).to_be_enabled()
     page.get_by_label(AHEAD).hover()
     page.mouse.down()
-    wait_until(lambda: gateway.backend.driving.moves, 30, "the robot drives")
+    wait_until(lambda: gateway.backend.driving.moves, 60, "the robot drives")
     page.close()
     stands(gateway)
 
@@ -121,7 +121,7 @@ def turns_only(page: Page, gateway: Served) -> None:
     """Turn by the pad; nothing that was pressed before may have driven ahead."""
     page.focus("#pad")
     page.keyboard.down("ArrowLeft")
-    wait_until(lambda: gateway.backend.driving.moves, 30, "it turns")
+    wait_until(lambda: gateway.backend.driving.moves, 60, "it turns")
     page.keyboard.up("ArrowLeft")
     assert "forward" not in gateway.backend.driving.kinds()
 
@@ -149,7 +149,7 @@ def test_the_robot_drives_while_a_button_is_touched(browser: Browser, gateway: S
     point = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
     devtools = page.context.new_cdp_session(page)
     devtools.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [point]})
-    wait_until(lambda: gateway.backend.driving.x_m > 0.15, 30, "the robot drives")
+    wait_until(lambda: gateway.backend.driving.x_m > 0.15, 60, "the robot drives")
     devtools.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
     stands(gateway)
     page.close()
@@ -179,7 +179,7 @@ def test_driving_is_disabled_while_a_task_runs(page: Page, gateway: Served) -> N
 def test_a_stop_ends_driving_and_shows_the_reason(page: Page, gateway: Served) -> None:
     page.focus("#pad")
     page.keyboard.down("w")
-    wait_until(lambda: gateway.backend.driving.moves, 30, "the robot drives")
+    wait_until(lambda: gateway.backend.driving.moves, 60, "the robot drives")
     gateway.backend._latch(True, "child on the floor")
     expect(page.locator("#drive-said")).to_contain_text("child on the floor")
     expect(page.locator("#stopped")).to_contain_text("The robot is stopped (child on the floor)")

@@ -137,7 +137,7 @@ def test_an_interrupt_ends_all_processes_within_seconds(tmp_path: Path) -> None:
         assert run.returncode == 130
         assert error.startswith("helios: interrupted")
         assert error.count("\n") == 1
-        wait_until(lambda: not members(run.pid), 10, "all processes are gone")
+        wait_until(lambda: not members(run.pid), 60, "all processes are gone")
     finally:
         if members(run.pid):
             os.killpg(run.pid, signal.SIGKILL)
@@ -156,7 +156,7 @@ def test_a_terminated_run_writes_the_report_of_its_finished_episodes(tmp_path: P
         _, error = run.communicate(timeout=100)
         assert run.returncode == 128 + signal.SIGTERM
         assert error.startswith("helios: interrupted")
-        wait_until(lambda: not members(run.pid), 10, "all processes are gone")
+        wait_until(lambda: not members(run.pid), 60, "all processes are gone")
     finally:
         if members(run.pid):
             os.killpg(run.pid, signal.SIGKILL)

@@ -155,7 +155,7 @@ def test_a_killed_map_restores_and_reports_its_last_saved_state(
 def test_unusable_saved_maps_are_set_aside_and_reported(watched: Watched, kind: str) -> None:
     watched.works_on()
     for name in MAPS:
-        wait_until(watched.kept(name).is_file, 30, f"{name} keeps its map")
+        wait_until(watched.kept(name).is_file, 60, f"{name} keeps its map")
     killed = {name: watched.kill(name) for name in MAPS}
     wrong: dict[str, bytes] = {}
     for name in MAPS:  # no process writes now; the next one reads the file after its imports
@@ -172,7 +172,7 @@ def test_unusable_saved_maps_are_set_aside_and_reported(watched: Watched, kind: 
     watched.works_until(lambda: watched.objects().gaussians > 0, "objects are mapped anew")
     watched.works_until(lambda: watched.ground().explored_m2 > 1, "ground is mapped anew")
     for name in MAPS:
-        wait_until(watched.kept(name).is_file, 30, f"{name} keeps its new map")
+        wait_until(watched.kept(name).is_file, 60, f"{name} keeps its new map")
 
 
 def assert_knows_objects(now: pb.ObjectsReply, then: pb.ObjectsReply, newest: int) -> None:

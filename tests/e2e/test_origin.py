@@ -70,7 +70,7 @@ def test_maps_are_restored_only_after_a_start_with_the_same_origin_id(tmp_path: 
         assert seen_m2 > 0
     with up(tmp_path, ROBOT) as second:
         assert objects(second) == known
-        wait_until(lambda: get(second, "/map"), 20, "the 2D map is there")
+        wait_until(lambda: get(second, "/map"), 60, "the 2D map is there")
         assert get(second, "/map")["occupied_m2"] >= 0.9 * seen_m2
         reason = second.services()["objectmap"]["reason"]
         assert reason.startswith("the map was restored as it was written at "), reason

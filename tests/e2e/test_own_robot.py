@@ -84,7 +84,7 @@ def test_a_forward_action_succeeds_and_the_map_integrates_its_keyframe(
         act(bus, f"look {next(numbers)}", pb.Action(observe=pb.Action.Observe()))
         return bool(keyframes) and bool(acks)
 
-    wait_until(heard, 20, "keyframes and answers are heard")
+    wait_until(heard, 60, "keyframes and answers are heard")
     result = act(bus, "drive", pb.Action(forward=pb.Action.Forward(distance_m=0.5)))
     assert result.succeeded
     assert result.moved_m == pytest.approx(0.5, abs=0.02)
@@ -92,13 +92,13 @@ def test_a_forward_action_succeeds_and_the_map_integrates_its_keyframe(
     def answers() -> list[pb.Ack]:
         return [a for a in acks if a.id == result.keyframe and a.part == "occupancy"]
 
-    wait_until(answers, 20, "the map has answered the drive's keyframe")
+    wait_until(answers, 60, "the map has answered the drive's keyframe")
     assert answers()[0].accepted, answers()[0].reason
 
     def drives() -> list[pb.Frame]:
         return [k for k in keyframes if k.id == result.keyframe]
 
-    wait_until(drives, 20, "the drive's keyframe is heard here, too")
+    wait_until(drives, 60, "the drive's keyframe is heard here, too")
     (frame,) = drives()
     np.testing.assert_allclose(frame_from_proto(frame).T_world_base[:2, 3], [0.5, 0.0], atol=0.02)
 
@@ -118,7 +118,7 @@ def test_the_map_shows_the_table_and_the_free_floor(up: OwnUp, bus: ZenohBus) ->
             grid = {name: file[name] for name in file.files}
         return at(grid, 1.45, 0.3) == 100 and at(grid, 1.25, 0.0) == 0
 
-    wait_until(mapped, 20, "the table is occupied and the floor before it free")
+    wait_until(mapped, 60, "the table is occupied and the floor before it free")
 
 
 def test_stop_now_over_http_blocks_actions_until_it_is_cleared(up: OwnUp, bus: ZenohBus) -> None:

@@ -75,7 +75,7 @@ def test_pushed_frames_build_a_map(up: OwnUp, tmp_path: Path) -> None:
         assert answer.json()["integrated"]
     wait_until(
         lambda: LOOPBACK.get(f"{up.address}/v1/map/occupancy.png", timeout=10).status_code == 200,
-        20,
+        60,
         "there is a picture of the map",
     )
     assert LOOPBACK.get(f"{up.address}/v1/camera.jpg", timeout=10).status_code == 200

@@ -264,8 +264,8 @@ def test_the_file_of_a_killed_recorder_is_replayed(up: RecordedUp, tmp_path: Pat
         now = up.services().get("recorder", {})
         return now.get("state") == "ready" and now["pid"] != before["pid"]
 
-    wait_until(is_back, 30, "the recorder is back")
-    wait_until(lambda: len(up.recordings) == 2, 30, "it writes a new file")
+    wait_until(is_back, 60, "the recorder is back")
+    wait_until(lambda: len(up.recordings) == 2, 60, "it writes a new file")
     LOOPBACK.post(f"{tasks}/{task.json()['id']}/cancel")  # a running task would slow the replays
     found: list[tuple[str, np.ndarray]] = []
     for name, rate in (("fast", "0"), ("paced", "1000")):
@@ -287,9 +287,9 @@ def test_a_recorder_may_be_started_outside_helios_up(up: RecordedUp, tmp_path: P
          "--port", str(up.port), "--state", str(up.state)],
     )  # fmt: skip
     try:
-        wait_until(lambda: list(tmp_path.glob("*.mcap")), 30, "it records")
+        wait_until(lambda: list(tmp_path.glob("*.mcap")), 60, "it records")
         wait_until(
-            lambda: next(tmp_path.glob("*.mcap")).stat().st_size > 20_000, 30, "there is something"
+            lambda: next(tmp_path.glob("*.mcap")).stat().st_size > 20_000, 60, "there is something"
         )
     finally:
         process.terminate()

@@ -9,6 +9,7 @@ import pytest
 
 from tests.ros2_processes import contract, fake_robot, free_domain, needs_interfaces, needs_ros2
 
+pytestmark = pytest.mark.timeout(900)
 PICK = '{"action": "/pick", "type": "test_msgs/action/Fibonacci", "goal": {"order": 5}}'
 TOPIC = {"HELIOS_ROS2_POSE": "topic", "HELIOS_ROS2_CAMERA_TILT_RAD": "0.55"}
 

@@ -107,7 +107,7 @@ def test_a_cancelled_action_cancels_its_task(scene: Scene) -> None:
         pytest.skip("the interfaces are not built: make ros2-interfaces")
     done = probe(scene.domain, "cancel_task", "find the shelf")
     assert (done["status"], done["state"]) == (5, "cancelled"), done
-    wait_until(lambda: newest_state(scene) == "cancelled", 30, "the gateway has heard of it")
+    wait_until(lambda: newest_state(scene) == "cancelled", 60, "the gateway has heard of it")
 
 
 @needs_ros2
@@ -143,13 +143,13 @@ def test_topics_that_die_are_named_and_the_bridge_is_ready_when_they_come_back(
 ) -> None:
     scene.robot.send_signal(signal.SIGSTOP)
     wait_until(
-        lambda: "is silent for" in scene.bridge().get("reason", ""), 30, "the silence is reported"
+        lambda: "is silent for" in scene.bridge().get("reason", ""), 60, "the silence is reported"
     )
     assert "nav_msgs/msg/Odometry" in scene.bridge()["reason"] or (
         "sensor_msgs/msg/Image" in scene.bridge()["reason"]
     )
     scene.robot.send_signal(signal.SIGCONT)
-    wait_until(lambda: scene.bridge().get("state") == "ready", 30, "the bridge is ready again")
+    wait_until(lambda: scene.bridge().get("state") == "ready", 60, "the bridge is ready again")
 
 
 @needs_ros2

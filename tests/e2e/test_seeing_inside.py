@@ -124,7 +124,7 @@ def test_a_trace_leads_from_the_request_to_the_maps(
 def test_every_service_exports_its_spans(running: Running, failed: dict[str, Any]) -> None:
     wanted = {"POST /v1/tasks", "task", *(name for _, name in STEP)}
     collector = running.collector
-    wait_until(lambda: collector.spans().keys() >= wanted, 30, "all spans are exported")
+    wait_until(lambda: collector.spans().keys() >= wanted, 60, "all spans are exported")
     for service, name in STEP:
         exporter, span = collector.spans()[name]
         assert exporter == f"helios-{service}"
@@ -153,7 +153,7 @@ def test_a_failed_task_names_a_recording_of_the_time_around_it(
     fault = running.fault("task-step-budget")
     assert (fault["state"], fault["recordings"]) == ("confirmed", [name])
     wait_until(
-        lambda: running.get("/v1/faults")["recordings"][0]["bytes"], 30, "the recording is made"
+        lambda: running.get("/v1/faults")["recordings"][0]["bytes"], 60, "the recording is made"
     )
     assert run(["faults", "--port", running.port]) == 0
     assert name in capsys.readouterr().out

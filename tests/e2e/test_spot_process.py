@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import threading
@@ -56,6 +57,7 @@ def fake(tmp_path: Path) -> Iterator[FakeSpot]:
 @contextmanager
 def spot_up(fake: FakeSpot, folder: Path, **environment: str) -> Iterator[SpotUp]:
     env = fake.environment | environment | {"XDG_STATE_HOME": str(folder / "home")}
+    env["HELIOS_SPOT_RPC_TIMEOUT_S"] = "30"
     del env["HELIOS_SPOT_HOST"]  # the flag names the host
     flags = ("--robot", "spot", "--spot-host", "127.0.0.1", "--detector", "ground-truth")
     with helios_up(folder / "state", *flags, kind=SpotUp, environment=env) as up:
@@ -77,18 +79,19 @@ def test_a_killed_bridge_leaves_no_robot_walking_and_the_restarted_one_drives(
                 target=lambda: _ignore(lambda: act(bus, "walk", forward)), daemon=True
             )
             walk.start()
-            wait_until(lambda: world.moving, 10, "the robot walks")
+            wait_until(lambda: world.moving, 60, "the robot walks")
             os.kill(pid, signal.SIGKILL)
-            wait_until(lambda: not world.moving, 3, "the robot stands still")
+            wait_until(lambda: not world.moving, 60, "the robot stands still")
             assert "halt: the command ended" in world.log
             wait_until(
                 lambda: up.bridge().get("pid") != pid and up.bridge_is("ready"), 60, "it is back"
             )
             assert state_from_proto(bus.call(GET_STATE, pb.Empty(), 5)).robot_boot_id
             turn = pb.Action(turn=pb.Action.Turn(angle_rad=0.3))
+            ids = (f"turn {n}" for n in itertools.count())  # a failed action never runs again
             wait_until(
-                lambda: _ignore(lambda: act(bus, "turn", turn).succeeded),
-                20,
+                lambda: _ignore(lambda: act(bus, next(ids), turn).succeeded),
+                60,
                 "the robot turns again",
             )
     assert world.lease_owner == ""  # an orderly end returns the lease

@@ -112,6 +112,8 @@ class Stack:
             username=USER,
             password=SecretStr(PASSWORD),
             speed_m_s=0.5,
+            rpc_timeout_s=30,
+            command_s=3,
         )
         bus, chosen = new_bus(), BridgeSettings(stream_hz=0, lockstep=True)
         driver = SpotDriver(bus, settings=settings)

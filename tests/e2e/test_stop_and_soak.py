@@ -38,8 +38,9 @@ def run(*args: str) -> str:
 
 
 def test_the_robot_stops_for_every_cause_and_the_stop_outlives_every_service(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setenv("HELIOS_GATEWAY_STOP_TIMEOUT_S", "20")  # the bridge may wait for a core
     path = tmp_path / "stop.json"
     run("stop-distance", "--trials", "1", "--json", str(path))
     told = json.loads(path.read_text())
@@ -72,11 +73,13 @@ def test_a_run_under_load_answers_every_request(
     monkeypatch.setattr(load_run, "TASKS", 4)
     monkeypatch.setattr(load_run, "TASK_S", 8.0)
     monkeypatch.setattr(load_run, "EXPLORE_S", 4.0)
+    monkeypatch.setenv("HELIOS_GATEWAY_CALL_TIMEOUT_S", "60")  # a service may wait for a core
+    monkeypatch.setenv("HELIOS_GATEWAY_SILENT_AFTER_S", "120")
     load_run.run_load(1, tmp_path, lambda _: None)
     told = json.loads((tmp_path / "load.json").read_text())
     assert (told["without"]["ended"], told["loaded"]["ended"]) == (4, 4)
     assert told["loaded"]["clients"]["requests"] > 100
-    assert told["loaded"]["clients"]["failed"] == 0
+    assert told["loaded"]["clients"]["failures"] == {}
     assert told["ratios"].keys() >= {"objectmap/update", "map2d/occupancy", "bridge/act"}
     assert told["loaded"]["queues"][load_run.QUEUE] <= load_run.MOST_EVENTS
 

@@ -191,7 +191,7 @@ def test_a_task_can_be_cancelled(stack: Stack) -> None:
     assert cancelled.status_code == 200
     wait_until(
         lambda: stack.get(f"/v1/tasks/{task['id']}").json()["state"] in ("cancelled", "succeeded"),
-        30,
+        60,
         "the task has ended",
     )
 
@@ -220,7 +220,7 @@ def test_a_service_started_alone_logs_that_it_waits_for_the_router_and_ends_on_s
     with log.open("wb") as out:
         process = subprocess.Popen([sys.executable, "-m", *argv], stderr=out, stdout=out)
     try:
-        wait_until(lambda: "waiting for the router" in log.read_text(), 30, "it says so")
+        wait_until(lambda: "waiting for the router" in log.read_text(), 60, "it says so")
         process.terminate()
         assert process.wait(ENDS_WITHIN_S) == 0
     finally:
@@ -267,7 +267,7 @@ def test_a_missing_model_file_is_named_in_the_log(stack: Stack, tmp_path: Path) 
             stderr=out, stdout=out,
         )  # fmt: skip
     try:
-        wait_until(lambda: "/no/such.onnx" in log.read_text(), 30, "the file is named")
+        wait_until(lambda: "/no/such.onnx" in log.read_text(), 60, "the file is named")
     finally:
         process.kill()
         process.wait()

@@ -136,4 +136,4 @@ def test_driving_is_refused_during_a_task_and_a_task_waits_for_the_driver(helios
     with pytest.raises(Conflict, match="child on the floor"), helios.teleop():
         pass
     helios.clear_stop()
-    wait_until(lambda: turns(helios), 30, "it may be driven again")
+    wait_until(lambda: turns(helios), 60, "it may be driven again")

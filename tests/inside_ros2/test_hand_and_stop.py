@@ -24,7 +24,7 @@ from helios_ros2.rclpy_loading import has_interface, interface  # noqa: E402
 from helios_ros2.ros_node import RosNode, qos_profile  # noqa: E402
 from helios_ros2.settings import Ros2Settings, UserAction  # noqa: E402
 
-from tests.ros2_processes import fake_robot  # noqa: E402
+from tests.ros2_processes import PATIENT, fake_robot  # noqa: E402
 
 DOMAIN = int(os.environ["ROS_DOMAIN_ID"])
 FIBONACCI = "test_msgs/action/Fibonacci"
@@ -34,7 +34,8 @@ WITHIN_S = 60.0
 
 @contextmanager
 def driver(**settings: Any) -> Iterator[Ros2Driver]:
-    made = Ros2Driver(Ros2Settings(pose="topic", camera_tilt_rad=0.55, **settings))
+    chosen = PATIENT | settings
+    made = Ros2Driver(Ros2Settings(pose="topic", camera_tilt_rad=0.55, **chosen))
     try:
         wait_until(made.describe)
         yield made
@@ -146,7 +147,7 @@ def test_a_stop_cancels_nav2s_behaviour_and_the_robot_stands() -> None:
 
 
 def test_a_silent_robot_is_a_sentence_with_topic_type_qos_and_stamp_and_it_comes_back() -> None:
-    with fake_robot(DOMAIN, "--still") as robot, driver(silent_s=0.5, image_wait_s=1.0) as made:
+    with fake_robot(DOMAIN, "--still") as robot, driver(silent_s=3.0, image_wait_s=6.0) as made:
         made.capture()
         robot.send_signal(signal.SIGSTOP)
         wait_until(lambda: silence_of(made.state))

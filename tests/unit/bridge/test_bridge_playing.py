@@ -30,7 +30,7 @@ def test_a_recording_plays_when_the_maps_are_ready_and_reports_its_end() -> None
         stage.other.publish(status_topic(service), pb.ServiceStatus(service=service, state="ready"))
     assert stage.keyframes == []
     stage.other.publish(status_topic("map2d"), pb.ServiceStatus(service="map2d", state="ready"))
-    wait_until(lambda: states and states[-1].finished, 5, "the recording ends")
+    wait_until(lambda: states and states[-1].finished, 60, "the recording ends")
     assert len(stage.keyframes) == 3
     stage.bridge.close()
 
@@ -44,7 +44,7 @@ def test_a_fault_in_the_driver_of_a_recording_is_reported() -> None:
     stage.bridge.start()
     for service in ("detector", "objectmap", "map2d"):
         stage.other.publish(status_topic(service), pb.ServiceStatus(service=service, state="ready"))
-    wait_until(lambda: stage.health.state[0] == "degraded", 5, "it is said")
+    wait_until(lambda: stage.health.state[0] == "degraded", 60, "it is said")
     assert "OverflowError" in stage.health.state[1]
     stage.bridge.close()
 
@@ -69,9 +69,9 @@ def play_scratched_recording(**settings: object) -> Stage:
 
 def test_unreadable_frames_are_skipped_counted_and_reported() -> None:
     stage = play_scratched_recording()
-    wait_until(lambda: stage.bridge.state().finished, 5, "the recording ends")
+    wait_until(lambda: stage.bridge.state().finished, 60, "the recording ends")
     said = "some frames were left out, the last: frame 3 is no image"
-    wait_until(lambda: stage.health.state[1] == said, 5, "it is said")
+    wait_until(lambda: stage.health.state[1] == said, 60, "it is said")
     assert stage.health.state[0] == "ready"
     assert len(stage.keyframes) == 2
     assert stage.health.metrics()["unreadable_frames"] == 2
@@ -80,7 +80,7 @@ def test_unreadable_frames_are_skipped_counted_and_reported() -> None:
 
 def test_a_strict_replay_ends_at_an_unreadable_frame() -> None:
     stage = play_scratched_recording(strict=True)
-    wait_until(lambda: stage.health.state[0] == "degraded", 5, "it is said")
+    wait_until(lambda: stage.health.state[0] == "degraded", 60, "it is said")
     assert "frame 2 is no image" in stage.health.state[1]
     assert len(stage.keyframes) == 1
     stage.bridge.close()
@@ -106,16 +106,16 @@ def test_detections_are_not_waited_for_before_the_first_search() -> None:
     stage.bridge.start()
     for service in ("detector", "objectmap", "map2d"):
         stage.other.publish(status_topic(service), pb.ServiceStatus(service=service, state="ready"))
-    wait_until(lambda: len(stage.keyframes) == 3, 5, "the search begins")
+    wait_until(lambda: len(stage.keyframes) == 3, 60, "the search begins")
     wait_until(
-        lambda: "waits for map2d/value, objectmap/objects" in stage.health.state[1], 10, "it waits"
+        lambda: "waits for map2d/value, objectmap/objects" in stage.health.state[1], 60, "it waits"
     )
     assert len(stage.keyframes) == 3
     assert stage.health.metrics()["keyframes_before_search"] == 2
     rest = [("map2d", "value"), ("objectmap", "objects")]
     stage.other.subscribe(KEYFRAME, lambda m: answer(rest, m))
     answer(rest, stage.keyframes[-1])
-    wait_until(lambda: stage.bridge.state().finished, 5, "the recording ends")
+    wait_until(lambda: stage.bridge.state().finished, 60, "the recording ends")
     stage.bridge.close()
 
 
@@ -124,5 +124,5 @@ def test_a_recording_does_not_wait_for_a_degraded_service() -> None:
     stage.bridge.start()
     for service, state in (("detector", "degraded"), ("objectmap", "ready"), ("map2d", "ready")):
         stage.other.publish(status_topic(service), pb.ServiceStatus(service=service, state=state))
-    wait_until(lambda: stage.bridge.state().finished, 5, "the recording ends")
+    wait_until(lambda: stage.bridge.state().finished, 60, "the recording ends")
     stage.bridge.close()

@@ -45,6 +45,7 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Disk]:
         out.delay()
         path.rename(path.with_suffix(".removed"))
 
+    monkeypatch.setattr("helios_bridge.service.CLOSE_WITHIN_S", 30.0)
     monkeypatch.setattr(stop_latch, "write_file", write)
     monkeypatch.setattr(Path, "unlink", unlink)
     yield out
@@ -58,7 +59,7 @@ def stop(stage: Stage, reason: str) -> None:
 def test_a_stop_reaches_the_driver_while_the_disk_hangs_in_a_clear(
     tmp_path: Path, disk: Disk
 ) -> None:
-    stage = Stage(state_dir=tmp_path, stop_timeout_s=0.1)
+    stage = Stage(state_dir=tmp_path, stop_timeout_s=1)
     stop(stage, "a child")
     disk.hang()
     clearing = threading.Thread(target=lambda: stage.other.call(CLEAR_STOP, pb.Empty(), 10))
@@ -77,7 +78,7 @@ def test_a_stop_reaches_the_driver_while_the_disk_hangs_in_a_clear(
 def test_a_stop_is_answered_although_the_disk_hangs_and_the_log_tells_that_it_is_not_kept(
     tmp_path: Path, disk: Disk, caplog: pytest.LogCaptureFixture
 ) -> None:
-    stage = Stage(state_dir=tmp_path, stop_timeout_s=0.1)
+    stage = Stage(state_dir=tmp_path, stop_timeout_s=1)
     disk.hang()
     stop(stage, "a child")
     assert not disk.go_on.is_set()
@@ -92,7 +93,7 @@ def test_a_stop_is_answered_although_the_disk_hangs_and_the_log_tells_that_it_is
 def test_the_newest_of_several_states_reaches_a_disk_that_comes_back(
     tmp_path: Path, disk: Disk
 ) -> None:
-    stage = Stage(state_dir=tmp_path, stop_timeout_s=0.1)
+    stage = Stage(state_dir=tmp_path, stop_timeout_s=1)
     disk.hang()
     stop(stage, "a child")
     stage.other.call(CLEAR_STOP, pb.Empty(), 10)

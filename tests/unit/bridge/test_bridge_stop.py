@@ -19,7 +19,7 @@ def test_stop_now_ends_the_running_action_latches_and_needs_an_explicit_clear() 
     results: list[pb.ActionResult] = []
     runner = threading.Thread(target=lambda: results.append(stage.drive("a")))
     runner.start()
-    wait_until(lambda: stage.robot.done, 5, "the action runs")
+    wait_until(lambda: stage.robot.done, 60, "the action runs")
     stage.other.call(STOP, pb.StopRequest(reason="a child in the way"), 1)
     runner.join(5)
     assert not results[0].succeeded

@@ -18,7 +18,7 @@ from tests.unit.bridge.bridge_stage import Stage
 def wait_for_its_turn(stage: Stage) -> None:
     """Wait until one action runs and a second one waits."""
     known = stage.bridge._actions._results
-    wait_until(lambda: stage.robot.done and len(known) == 2, 5, "the second action waits")
+    wait_until(lambda: stage.robot.done and len(known) == 2, 60, "the second action waits")
 
 
 def refusal_of_waiting_action(
@@ -39,7 +39,7 @@ def refusal_of_waiting_action(
 
     first = threading.Thread(target=lambda: stage.drive("first"))
     first.start()
-    wait_until(lambda: stage.robot.done, 5, "the first action runs")
+    wait_until(lambda: stage.robot.done, 60, "the first action runs")
     waiting = threading.Thread(target=second)
     waiting.start()
     wait_for_its_turn(stage)

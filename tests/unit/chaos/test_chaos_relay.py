@@ -126,7 +126,7 @@ def test_a_closed_relay_leaves_no_thread() -> None:
         echo.relay.cut()
     echo.close()
     relay_threads = [t for t in threading.enumerate() if t not in before and "relay" in t.name]
-    wait_until(lambda: not any(t.is_alive() for t in relay_threads), 10, "they end")
+    wait_until(lambda: not any(t.is_alive() for t in relay_threads), 60, "they end")
 
 
 def test_loss_costs_the_time_of_a_repeated_segment() -> None:

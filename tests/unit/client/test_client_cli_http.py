@@ -310,7 +310,7 @@ def test_a_task_for_a_stopped_robot_reports_at_once_that_it_waits_for_clear_stop
     helios("stop")
 
     def end_it() -> None:
-        wait_until(lambda: "t1" in gateway.backend.tasks, 30, "the task was submitted at once")
+        wait_until(lambda: "t1" in gateway.backend.tasks, 60, "the task was submitted at once")
         gateway.backend.change_task("t1", "succeeded")
 
     threading.Thread(target=end_it, daemon=True).start()

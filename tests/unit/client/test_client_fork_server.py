@@ -67,7 +67,7 @@ def test_a_forked_service_looks_like_one_with_an_interpreter_of_its_own(
     start, tmp_path: Path
 ) -> None:
     pid = start("stay").table()[0].pid
-    wait_until(lambda: (tmp_path / "stay.log").read_text() == f"{SAID}\n", 10, "it runs")
+    wait_until(lambda: (tmp_path / "stay.log").read_text() == f"{SAID}\n", 60, "it runs")
     process = psutil.Process(pid)
     assert process.ppid() == os.getpid()
     assert os.getsid(pid) == pid
@@ -86,7 +86,7 @@ def test_the_ending_of_a_forked_service_is_reported(start) -> None:
         return len(endings) == 2
 
     os.kill(supervisor.table()[0].pid, signal.SIGKILL)
-    wait_until(both, 10, "both ended")
+    wait_until(both, 60, "both ended")
     assert endings == {"stay": endings["stay"], "fails": "helios-fails: no x"}
     assert endings["stay"].startswith("ended by SIGKILL")
     assert [row.restarts for row in supervisor.table()] == [1, 0]
@@ -96,14 +96,14 @@ def test_services_outlive_the_fork_server_and_restart_after_it(
     start, server: ForkServer, tmp_path: Path
 ) -> None:
     supervisor = start("stay")
-    wait_until(lambda: SAID in (tmp_path / "stay.log").read_text(), 10, "it runs")
+    wait_until(lambda: SAID in (tmp_path / "stay.log").read_text(), 60, "it runs")
     first = supervisor.table()[0].pid
     server._process.kill()
     server._process.wait()
     assert supervisor.check() == ()
     assert psutil.Process(first).ppid() == os.getpid()
     os.kill(first, signal.SIGKILL)
-    wait_until(supervisor.check, 10, "it ended")
+    wait_until(supervisor.check, 60, "it ended")
     again = supervisor.table()[0]
     assert (again.restarts, again.reason) == (1, f"ended by SIGKILL; last log line: {SAID}")
     assert psutil.Process(again.pid).ppid() == os.getpid()
@@ -112,7 +112,7 @@ def test_services_outlive_the_fork_server_and_restart_after_it(
 def test_forked_services_draw_different_random_numbers(start, tmp_path: Path) -> None:
     for _ in range(2):
         supervisor = start("dice")
-        wait_until(supervisor.check, 10, "it ended")
+        wait_until(supervisor.check, 60, "it ended")
         supervisor.stop()
     drawn = (tmp_path / "dice.log").read_text().split()
     assert len(set(drawn)) == len(drawn) >= 6
@@ -135,7 +135,7 @@ def test_a_fork_server_with_a_thread_forks_nothing(
     )
     try:
         supervisor.start()
-        wait_until(lambda: (tmp_path / "stay.log").read_text() == "up\n", 10, "it runs")
+        wait_until(lambda: (tmp_path / "stay.log").read_text() == "up\n", 60, "it runs")
         assert psutil.Process(supervisor.table()[0].pid).cmdline()[1:] == ["-m", "stay"]
     finally:
         supervisor.stop()
@@ -158,7 +158,7 @@ def test_a_forked_service_ends_when_its_supervisor_is_killed(tmp_path: Path) -> 
         check=False,
     )
     pid = int(done.stdout)
-    wait_until(lambda: not psutil.pid_exists(pid), 10, "the service has ended too")
+    wait_until(lambda: not psutil.pid_exists(pid), 60, "the service has ended too")
 
 
 @pytest.mark.parametrize(("value", "wanted"), [(None, True), ("1", True), ("0", False)])

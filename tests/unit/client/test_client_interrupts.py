@@ -23,7 +23,7 @@ def restore_signal_handlers():
 def test_a_signal_is_noted_and_raised_by_check(number: signal.Signals) -> None:
     with noted_interrupts() as interrupts:
         signal.raise_signal(number)
-        wait_until(lambda: interrupts.came, 5, "it is noted")
+        wait_until(lambda: interrupts.came, 60, "it is noted")
         with pytest.raises(KeyboardInterrupt):
             interrupts.check()
 

@@ -112,7 +112,7 @@ def test_following_continues_across_log_rotation(folder: Path) -> None:
     with file.open("a") as log:
         log.write("one\ntw")
         log.flush()
-        wait_until(lambda: reported == ["one"], 30, "the first line was told")
+        wait_until(lambda: reported == ["one"], 60, "the first line was told")
         log.write("o\n")
         log.flush()
         file.replace(folder / "planner.log.1")

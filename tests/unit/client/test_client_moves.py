@@ -91,7 +91,7 @@ def test_the_exit_status_is_0_only_if_the_task_succeeds(
     state: str, status: int, gateway: Served, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def end() -> None:
-        wait_until(lambda: "t1" in gateway.backend.tasks, 20, "it is submitted")
+        wait_until(lambda: "t1" in gateway.backend.tasks, 60, "it is submitted")
         gateway.backend.change_task("t1", state, message="stands at (3.20, 4.10) m")
 
     ending = threading.Thread(target=end)

@@ -65,7 +65,7 @@ def is_alive(pid: int) -> bool:
 
 
 def wait_for_ending(supervisor: Supervisor) -> None:
-    wait_until(supervisor.check, 10, "a process ended")
+    wait_until(supervisor.check, 60, "a process ended")
 
 
 def test_a_killed_process_is_restarted_at_once(bench: Bench) -> None:
@@ -205,17 +205,21 @@ def test_stop_ends_processes_that_ignore_sigterm_and_their_children(bench: Bench
     supervisor.start()
     logs = [bench.folder / "p1.log", bench.folder / "p2.log"]
     wait_until(
-        lambda: all("deaf" in log.read_text() for log in logs if log.exists()), 10, "they started"
+        lambda: all("deaf" in log.read_text() for log in logs if log.exists()), 60, "they started"
     )
     pids = [row.pid for row in supervisor.table()]
     pids.append(int(logs[1].read_text().split()[0]))
     supervisor.stop()
-    wait_until(lambda: not any(map(is_alive, pids)), 5, "all are gone")
+    wait_until(lambda: not any(map(is_alive, pids)), 60, "all are gone")
     assert {row.state for row in supervisor.table()} == {ProcessState.STOPPED}
     assert supervisor.check() == ()
 
 
-def test_a_process_marked_ends_last_ends_after_the_others(bench: Bench) -> None:
+def test_a_process_marked_ends_last_ends_after_the_others(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("TERMINATE_WITHIN_S", "LAST_WITHIN_S"):
+        monkeypatch.setattr(f"helios_client.supervision.supervisor.{name}", 30.0)
     tell = (
         "import signal, sys, time\n"
         "def end(*_):\n"
@@ -233,7 +237,7 @@ def test_a_process_marked_ends_last_ends_after_the_others(bench: Bench) -> None:
     )
     supervisor.start()
     logs = [bench.folder / "router.log", bench.folder / "service.log"]
-    wait_until(lambda: all(log.read_text() for log in logs), 10, "both listen for signals")
+    wait_until(lambda: all(log.read_text() for log in logs), 60, "both listen for signals")
     supervisor.stop()
     assert order.read_text() == "servicerouter"
 
@@ -281,7 +285,7 @@ def test_a_process_ends_when_its_supervisor_is_killed_right_after_the_start(benc
         text=True,
         check=False,
     )
-    wait_until(lambda: not is_alive(int(done.stdout)), 10, "the child has ended too")
+    wait_until(lambda: not is_alive(int(done.stdout)), 60, "the child has ended too")
 
 
 def test_a_process_that_is_replaced_starts_again_with_the_given_reason(bench: Bench) -> None:

@@ -38,20 +38,21 @@ def test_a_held_command_drives_the_robot_until_it_is_released(
 ) -> None:
     driving = gateway.backend.driving
     with helios.teleop() as drive:
-        state = drive(forward=1.0, for_s=1.0)
+        state = drive(forward=1.0, for_s=0.3)
         assert state.state in ("driving", "standing")
-        wait_until(lambda: driving.kinds()[-1:] == ["observe"], 20, "it stands, with a keyframe")
-        assert driving.x_m >= 0.2
+        wait_until(lambda: driving.kinds()[-1:] == ["observe"], 60, "it stands, with a keyframe")
+        wait_until(lambda: drive(forward=1.0, for_s=0.3) and driving.x_m >= 0.2, 60, "it drives")
         drive(turn=-1.0)
-        wait_until(lambda: driving.yaw_rad < 0, 20, "it turns right")
-    wait_until(lambda: driving.kinds()[-1] == "observe", 20, "it is given back")
+        wait_until(lambda: driving.yaw_rad < 0, 60, "it turns right")
+    wait_until(lambda: driving.kinds()[-1] == "observe", 60, "it is given back")
 
 
 def test_the_asynchronous_sdk_drives_the_robot(gateway: Served) -> None:
     async def run() -> None:
         async with AsyncHelios(gateway.url) as helios:
             async with helios.teleop() as drive:
-                await drive(forward=1.0, for_s=0.5)
+                while gateway.backend.driving.x_m < 0.1:
+                    await drive(forward=1.0, for_s=0.5)
             made = await helios.drive(turn_rad=0.2)
             assert made["turned_rad"] == pytest.approx(0.2)
 

@@ -72,9 +72,9 @@ def test_an_exception_while_encoding_the_map_does_not_end_the_autosave(tmp_path:
     map.fails = MemoryError()
     map.change(b"one")
     map.kept.start()
-    wait_until(lambda: any("MemoryError" in said for said in map.said), 10, "it is said")
+    wait_until(lambda: any("MemoryError" in said for said in map.said), 60, "it is said")
     map.fails = None
-    wait_until((tmp_path / "m.map").exists, 10, "it is written after all")
+    wait_until((tmp_path / "m.map").exists, 60, "it is written after all")
     map.kept.close()
 
 
@@ -106,7 +106,7 @@ def test_closing_does_not_wait_for_a_write_that_hangs(
     assert not closing.is_alive()
     assert "may lack the newest changes of the map" in caplog.text
     go.set()
-    wait_until((tmp_path / "m.map").exists, 10, "the write ends after all")
+    wait_until((tmp_path / "m.map").exists, 60, "the write ends after all")
 
 
 def test_files_moved_aside_never_overwrite_each_other(tmp_path: Path) -> None:
@@ -173,6 +173,6 @@ def test_a_map_that_takes_long_to_write_is_written_less_often(tmp_path: Path) ->
 
     kept = AutosavedFile(tmp_path / "map", 0.01, slow, lambda _: None)
     kept.start()
-    wait_until(lambda: len(writes) > 1, 30, "the map is written again")
+    wait_until(lambda: len(writes) > 1, 60, "the map is written again")
     kept.close()
     assert writes[1] - writes[0] >= 20 * 0.05

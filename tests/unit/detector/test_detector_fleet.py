@@ -68,8 +68,8 @@ class Robot:
         def answered() -> bool:
             return bool(self.answers) or not self.send()
 
-        wait_until(answered, 40, f"{self.name} is answered")
-        wait_until(lambda: self.answers[self.seq] == 1, 20, "the last one, too")
+        wait_until(answered, 60, f"{self.name} is answered")
+        wait_until(lambda: self.answers[self.seq] == 1, 60, "the last one, too")
 
 
 class Fleets:
@@ -102,7 +102,7 @@ class Fleets:
                 return False
             return True
 
-        wait_until(is_up, 30, "the router answers")
+        wait_until(is_up, 60, "the router answers")
         return [Robot(self.endpoint, name) for name in ROBOTS]
 
     def close(self) -> None:
@@ -145,7 +145,7 @@ def test_two_detectors_share_four_robots_and_answer_every_keyframe_once(fleets: 
                 robot.send(keyframe=False)
         wait_until(
             lambda: all(set(range(r.seq - 9, r.seq, 2)) <= r.answers.keys() for r in robots),
-            30,
+            60,
             "every keyframe is answered",
         )
 
@@ -156,10 +156,10 @@ def test_two_detectors_share_four_robots_and_answer_every_keyframe_once(fleets: 
         later = [robot.send() for robot in robots]
         wait_until(
             lambda: all(r.answers[n] for r, n in zip(robots, later, strict=True)),
-            40,
+            60,
             "the one that is left answers for all robots",
         )
-        wait_until(lambda: shares(robots) == [4], 20, "it says so")
+        wait_until(lambda: shares(robots) == [4], 60, "it says so")
         for robot in robots:
             assert all(robot.answers[n] == 1 for n in robot.answers), robot.answers
             reply = robot.bus.call(VOCABULARY, pb.Empty(), 5.0)
@@ -170,7 +170,7 @@ def test_two_detectors_share_four_robots_and_answer_every_keyframe_once(fleets: 
         wait_until(lambda: shares(robots) == [2, 2], 60, "two are at work again")
         last = [robot.send() for robot in robots]
         wait_until(
-            lambda: all(r.answers[n] for r, n in zip(robots, last, strict=True)), 30, "answered"
+            lambda: all(r.answers[n] for r, n in zip(robots, last, strict=True)), 60, "answered"
         )
         assert all(r.answers[n] == 1 for r, n in zip(robots, last, strict=True))
         second.send_signal(signal.SIGTERM)
@@ -192,14 +192,14 @@ def test_a_frozen_detector_loses_its_robots_and_takes_its_share_when_it_resumes(
         meanwhile = [robot.send() for robot in robots]
         wait_until(
             lambda: all(r.answers[n] for r, n in zip(robots, meanwhile, strict=True)),
-            40,
+            60,
             "the other answers for all robots",
         )
         first.send_signal(signal.SIGCONT)
         wait_until(lambda: shares(robots) == [2, 2], 60, "it is back")
         last = [robot.send() for robot in robots]
         wait_until(
-            lambda: all(r.answers[n] for r, n in zip(robots, last, strict=True)), 30, "answered"
+            lambda: all(r.answers[n] for r, n in zip(robots, last, strict=True)), 60, "answered"
         )
         assert all(r.answers[n] == 1 for r, n in zip(robots, last, strict=True))
     finally:
@@ -215,7 +215,7 @@ def test_a_model_that_cannot_be_loaded_is_reported_to_every_robot(fleets: Fleets
     try:
         wait_until(
             lambda: all(r.statuses and r.statuses[-1].state == "degraded" for r in robots),
-            40,
+            60,
             "every robot is told",
         )
         assert "cannot be loaded (ValueError: time runs forward)" in robots[0].statuses[-1].reason
@@ -231,14 +231,14 @@ def test_a_robot_gets_the_loading_state_until_the_models_work_and_never_after():
     loading.waiting("loading the models")
     slot = RobotSlot("ada", MemoryBus(hub, "ada"), members, threading.Lock(), loading)
     try:
-        wait_until(lambda: reported[-1:] == ["waiting"], 10, "it is told to wait")
+        wait_until(lambda: reported[-1:] == ["waiting"], 60, "it is told to wait")
         models = Models(GroundTruthDetector(SceneTruth()), LexicalScorer())
         slot.begin(models, ModelUsage())
         members.change(members.me, True, 0.0)
-        wait_until(lambda: reported[-1:] == ["ready"], 10, "it is told that they work")
+        wait_until(lambda: reported[-1:] == ["ready"], 60, "it is told that they work")
         del reported[:]
         loading.waiting("said late")
-        wait_until(lambda: len(reported) >= 2, 10, "it is told again")
+        wait_until(lambda: len(reported) >= 2, 60, "it is told again")
         assert set(reported) == {"ready"}
     finally:
         slot.stop()

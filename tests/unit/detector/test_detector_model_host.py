@@ -58,7 +58,7 @@ def test_a_service_with_models_from_folders_becomes_ready_and_answers(owl: Path,
         health,
         settings(detector=f"transformers:{owl}", scorer=f"transformers:{clip}", device="cpu"),
     )
-    wait_until(lambda: health.state[0] == "ready", 30, "ready")
+    wait_until(lambda: health.state[0] == "ready", 60, "ready")
     bus.publish(KEYFRAME, frame_to_proto(frame_of()))
     assert len(seen) == 1
     assert seen[0].detections
@@ -74,12 +74,12 @@ def test_a_service_with_models_from_folders_becomes_ready_and_answers(owl: Path,
 def test_the_service_waits_for_a_missing_model_and_reports_the_reason(owl: Path, tmp_path: Path):
     hub, health, link = MemoryHub(), Health(), tmp_path / "model"
     service = RobotDetector(MemoryBus(hub), health, settings(detector=f"transformers:{link}"))
-    wait_until(lambda: "is not there; put config.json" in health.state[1], 10, "the reason")
+    wait_until(lambda: "is not there; put config.json" in health.state[1], 60, "the reason")
     assert health.state[0] == "waiting"
     with pytest.raises(Unavailable, match=r"the detector is not ready: .*is not there; put c"):
         MemoryBus(hub).call(VOCABULARY, pb.Empty(), 1.0)
     link.symlink_to(owl)
-    wait_until(lambda: health.state[0] == "ready", 30, "ready")
+    wait_until(lambda: health.state[0] == "ready", 60, "ready")
     assert MemoryBus(hub).call(VOCABULARY, pb.Empty(), 1.0).open
     service.close()
 
@@ -87,7 +87,7 @@ def test_the_service_waits_for_a_missing_model_and_reports_the_reason(owl: Path,
 def test_a_wrong_setting_is_reported_as_degraded_and_not_retried():
     health = Health()
     service = RobotDetector(MemoryBus(MemoryHub()), health, settings(scorer="oracle"))
-    wait_until(lambda: health.state[0] == "degraded", 10, "degraded")
+    wait_until(lambda: health.state[0] == "degraded", 60, "degraded")
     assert "there is no scorer 'oracle'" in health.state[1]
     service.close()
 
@@ -107,8 +107,8 @@ def test_a_model_that_fails_in_its_warm_up_is_retried_and_never_ready(
 
     monkeypatch.setattr(models_module, "open_models", open_starved)
     service = RobotDetector(MemoryBus(MemoryHub()), health, settings())
-    wait_until(lambda: len(opened) > 2, 10, "three tries")
-    wait_until(lambda: "too little memory for a/b" in health.state[1], 10, "the reason")
+    wait_until(lambda: len(opened) > 2, 60, "three tries")
+    wait_until(lambda: "too little memory for a/b" in health.state[1], 60, "the reason")
     assert health.state[0] == "waiting"
     service.close()
 
@@ -272,11 +272,11 @@ def test_a_hosted_model_is_unloaded_when_idle_and_loads_again_for_a_keyframe(
         health,
         settings(detector=f"transformers:{owl}", device="cpu", unload_after_s=0.05),
     )
-    wait_until(lambda: health.metrics().get("unloads") == 1, 30, "unloaded")
+    wait_until(lambda: health.metrics().get("unloads") == 1, 60, "unloaded")
     bus.publish(KEYFRAME, frame_to_proto(frame_of()))
     assert len(seen) == 1
     assert seen[0].detections
-    wait_until(lambda: health.metrics().get("unloads") == 2, 30, "unloaded again")
+    wait_until(lambda: health.metrics().get("unloads") == 2, 60, "unloaded again")
     service.close()
 
 

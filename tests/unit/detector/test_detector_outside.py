@@ -51,7 +51,7 @@ def test_a_service_with_external_back_ends_answers_keyframes(outside: Path):
     service = RobotDetector(
         MemoryBus(hub), health, Settings(detector="patient:0", scorer="half:0.25")
     )
-    wait_until(lambda: health.state[0] == "ready", 20, "ready")
+    wait_until(lambda: health.state[0] == "ready", 60, "ready")
     bus.publish(KEYFRAME, frame_to_proto(frame_of()))
     assert (seen[0].detector, seen[0].scorer) == ("patient:0", "half")
     assert dict(seen[0].layer_scores) == {"pick": 0.25}
@@ -61,7 +61,7 @@ def test_a_service_with_external_back_ends_answers_keyframes(outside: Path):
 def test_an_unexpected_fault_in_the_warm_up_is_reported_and_not_retried(outside: Path):
     health = Health()
     service = RobotDetector(MemoryBus(MemoryHub()), health, Settings(detector="patient:-1"))
-    wait_until(lambda: health.state[0] == "degraded", 20, "degraded")
+    wait_until(lambda: health.state[0] == "degraded", 60, "degraded")
     assert "patient:-1 or lexical cannot be loaded (ValueError: time runs" in health.state[1]
     service.close()
 

@@ -28,7 +28,7 @@ def test_the_process_reports_a_missing_model_then_answers_and_ends_at_sigterm(tm
     )  # fmt: skip
     bus = None
     try:
-        wait_until(lambda: connects(endpoint), 20, "the router answers")
+        wait_until(lambda: connects(endpoint), 60, "the router answers")
         bus = ZenohBus(endpoint, "robot")
         states: list[pb.ServiceStatus] = []
         seen: list[pb.Observation] = []
@@ -36,7 +36,7 @@ def test_the_process_reports_a_missing_model_then_answers_and_ends_at_sigterm(tm
         bus.subscribe(OBSERVATION, seen.append)
         wait_until(
             lambda: any("is not there; put config.json" in s.reason for s in states),
-            30,
+            60,
             "it says what is missing",
         )
         assert states[-1].state == "waiting"
@@ -54,9 +54,9 @@ def test_the_process_reports_a_missing_model_then_answers_and_ends_at_sigterm(tm
                 bus.publish(KEYFRAME, frame_to_proto(frame_of()))
             return bool(seen)
 
-        wait_until(answered, 20, "the keyframe is answered")
+        wait_until(answered, 60, "the keyframe is answered")
         assert seen[0].detections
-        wait_until(lambda: states[-1].metrics.get("memory_mb", 0) > 50, 10, "its figures are told")
+        wait_until(lambda: states[-1].metrics.get("memory_mb", 0) > 50, 60, "its figures are told")
         detector.send_signal(signal.SIGTERM)
         assert detector.wait(30) == 0
     finally:

@@ -69,7 +69,7 @@ def test_closing_the_pool_ends_running_processes(tmp_path: Path) -> None:
     with closing(played([spec("fine"), spec("hangs", 1), spec("hangs", 2)], tmp_path)) as outcomes:
         assert next(outcomes)[0].agent == "fine"
         pids = tmp_path / "pids"
-        wait_until(lambda: len(pids.read_text().split()) >= 2, 30, "another episode runs")
+        wait_until(lambda: len(pids.read_text().split()) >= 2, 60, "another episode runs")
     assert all(ended(int(pid)) for pid in pids.read_text().split())
 
 

@@ -17,8 +17,11 @@ from tests.unit.gateway.gateway_frames import bridge
 
 __all__ = ["bridge"]
 
-# The fake services report only once, and tests send any number of requests.
-PATIENT = Settings.load(["--silent-after-s", "3600", "--requests-per-s", "1000000"])
+# The fake services report only once, tests send any number of requests, and a thread may wait for
+# a core while a drive command holds.
+PATIENT = Settings.load(
+    ["--silent-after-s", "3600", "--requests-per-s", "1000000", "--teleop-hold-s", "2"]
+)
 
 
 @pytest.fixture

@@ -99,7 +99,7 @@ def box(saved: Saved) -> Iterator[BlackBox]:
 
 def taken(box: BlackBox) -> None:
     """Wait until the box has taken all messages."""
-    wait_until(lambda: not box._queue.bytes, 10, "all messages are taken")
+    wait_until(lambda: not box._queue.bytes, 60, "all messages are taken")
 
 
 def test_a_recording_holds_what_came_before_and_after(box: BlackBox, saved: Saved) -> None:

@@ -50,7 +50,7 @@ def fleet(tmp_path: Path) -> Iterator[Fleet]:
     with served("--robots", "second", "--fleet-queue", queue, backend=first) as gateway:
         fleet = Fleet(gateway, second)
         wait_until(
-            lambda: {r["state"] for r in fleet.robots().values()} == {"idle"}, 20, "both are idle"
+            lambda: {r["state"] for r in fleet.robots().values()} == {"idle"}, 60, "both are idle"
         )
         yield fleet
 
@@ -81,7 +81,7 @@ def test_a_task_for_any_robot_goes_to_the_one_next_to_the_thing_and_to_its_end(
     fleet.first.found = []
     fleet.first.change_objects()
     task = fleet.sdk.submit_to_fleet(INSTRUCTION, priority=3)
-    wait_until(lambda: fleet.has(task.id, "second"), 20, "the second robot has it")
+    wait_until(lambda: fleet.has(task.id, "second"), 60, "the second robot has it")
     told = fleet.sdk.fleet_task(task.id)
     assert told.why == (
         "second's map had the mug 1.7 m away (score 0.71): the only idle robot with one in its map"
@@ -90,9 +90,9 @@ def test_a_task_for_any_robot_goes_to_the_one_next_to_the_thing_and_to_its_end(
     assert told.task is not None
     assert told.task["on_hold"] is False
     fleet.second.change_task(told.task_id, "running", progress=0.5, message="picking")
-    wait_until(lambda: fleet.sdk.fleet_task(task.id).message == "picking", 20, "it goes on")
+    wait_until(lambda: fleet.sdk.fleet_task(task.id).message == "picking", 60, "it goes on")
     fleet.second.change_task(told.task_id, "succeeded", message="placed the mug")
-    wait_until(lambda: fleet.sdk.fleet_task(task.id).ended, 20, "it ends")
+    wait_until(lambda: fleet.sdk.fleet_task(task.id).ended, 60, "it ends")
     ended = fleet.sdk.fleet_task(task.id)
     assert (ended.state, ended.message, ended.robot) == ("succeeded", "placed the mug", "second")
     assert fleet.sdk.fleet()["tasks"] == []
@@ -103,11 +103,11 @@ def test_a_dropped_robots_waiting_task_goes_to_the_other_robot(fleet: Fleet) -> 
     fleet.second.found = []
     fleet.second.change_objects()
     task = fleet.sdk.submit_to_fleet(INSTRUCTION)
-    wait_until(lambda: fleet.has(task.id, "robot"), 20, "the first robot has it")
+    wait_until(lambda: fleet.has(task.id, "robot"), 60, "the first robot has it")
     offered = fleet.sdk.fleet_task(task.id).task_id
     fleet.first.die("bridge")
-    wait_until(lambda: fleet.has(task.id, "second"), 30, "the other robot has it")
-    wait_until(lambda: fleet.first.tasks[offered].state == "cancelled", 20, "the first drops it")
+    wait_until(lambda: fleet.has(task.id, "second"), 60, "the other robot has it")
+    wait_until(lambda: fleet.first.tasks[offered].state == "cancelled", 60, "the first drops it")
     assert fleet.sdk.fleet_task(task.id).returned == 1
 
 
@@ -123,7 +123,7 @@ def test_wrong_requests_are_refused_and_queue_nothing(fleet: Fleet) -> None:
 
 def test_a_task_of_the_fleet_is_cancelled_at_its_robot(fleet: Fleet) -> None:
     task = fleet.sdk.submit_to_fleet(INSTRUCTION, robot="second")
-    wait_until(lambda: fleet.has(task.id, "second"), 20, "the second robot has it")
+    wait_until(lambda: fleet.has(task.id, "second"), 60, "the second robot has it")
     assert fleet.sdk.cancel_fleet_task(task.id).state == "cancelled"
     assert fleet.second.tasks[fleet.sdk.fleet_task(task.id).task_id].state == "cancelled"
 
@@ -133,7 +133,7 @@ def test_the_command_line_shows_the_fleet_and_gives_it_tasks(
 ) -> None:
     command = Command(fleet.gateway, capsys)
     id = command("task", INSTRUCTION, "--robot", "any", "--no-wait").strip()
-    wait_until(lambda: fleet.sdk.fleet_task(id).begun, 20, "a robot has it")
+    wait_until(lambda: fleet.sdk.fleet_task(id).begun, 60, "a robot has it")
     shown = command("fleet")
     assert "second" in shown
     assert INSTRUCTION in shown

@@ -22,7 +22,7 @@ from tests.gateway_process import Served, served
 from tests.support import wait_until
 from tests.unit.gateway.gateway_frames import COLOR, DEPTH, META
 
-IDLE_S = 0.4
+IDLE_S = 2.0
 
 
 @pytest.fixture
@@ -41,25 +41,25 @@ def frame_is_integrated(socket: Connection) -> bool:
     socket.send(json.dumps(META))
     socket.send(COLOR)
     socket.send(DEPTH)
-    return json.loads(socket.recv(timeout=10))["integrated"]
+    return json.loads(socket.recv(timeout=60)).get("integrated", False)
 
 
 def has_free_slot(gateway: Served) -> bool:
     try:
         with open_socket(gateway) as socket:
             return frame_is_integrated(socket)
-    except InvalidStatus:  # 503: all slots are in use
+    except (InvalidStatus, ConnectionClosed):  # 503: all slots are in use; or it was idle
         return False
 
 
 def test_an_idle_socket_gets_status_408_and_is_closed(gateway: Served) -> None:
     with open_socket(gateway) as socket:
         assert frame_is_integrated(socket)
-        problem = json.loads(socket.recv(timeout=10))
+        problem = json.loads(socket.recv(timeout=60))
         assert problem["status"] == 408
         assert f"no whole message came for {IDLE_S:g} s" in problem["detail"]
         with pytest.raises(ConnectionClosed) as closed:
-            socket.recv(timeout=10)
+            socket.recv(timeout=60)
     assert closed.value.rcvd is not None
     assert closed.value.rcvd.code == 1001
     assert "connect again" in closed.value.rcvd.reason
@@ -68,14 +68,14 @@ def test_an_idle_socket_gets_status_408_and_is_closed(gateway: Served) -> None:
 def test_a_socket_that_stops_within_a_frame_is_idle(gateway: Served) -> None:
     with open_socket(gateway) as socket:
         socket.send(json.dumps(META))
-        assert json.loads(socket.recv(timeout=10))["status"] == 408
+        assert json.loads(socket.recv(timeout=60))["status"] == 408
 
 
 def test_idle_sockets_free_their_slots(gateway: Served) -> None:
     with contextlib.ExitStack() as idle:
         for _ in range(MOST_SENDERS):
             idle.enter_context(open_socket(gateway))
-        wait_until(lambda: has_free_slot(gateway), 20, "a place is free")
+        wait_until(lambda: has_free_slot(gateway), 60, "a place is free")
 
 
 def test_sockets_of_vanished_clients_free_their_slots(gateway: Served) -> None:
@@ -91,7 +91,7 @@ def test_sockets_of_vanished_clients_free_their_slots(gateway: Served) -> None:
         one.sendall(request)
         assert b"101" in one.recv(20)
         gone.append(one)
-    wait_until(lambda: has_free_slot(gateway), 20, "a place is free")
+    wait_until(lambda: has_free_slot(gateway), 60, "a place is free")
     for one in gone:
         one.close()
 
@@ -113,11 +113,11 @@ def test_stalled_request_bodies_free_their_slots(
             f"{gateway.url}/v1/frames",
             data={"meta": json.dumps(META)},
             files={"color": COLOR, "depth": DEPTH},
-            timeout=10,
+            timeout=60,
         )
         return answer.status_code == 200
 
-    wait_until(taken, 20, "a place is free")
+    wait_until(taken, 60, "a place is free")
     for one in stalled:
         one.settimeout(10)
         said = one.recv(4000)

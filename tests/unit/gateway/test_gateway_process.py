@@ -110,7 +110,7 @@ def test_a_web_server_that_ends_by_itself_ends_the_process(
     gateway = Gateway(
         MemoryBus(hub), Health(), Settings.load([]), listener, lambda name: MemoryBus(hub, name)
     )
-    wait_until(lambda: ended, 10, "the process is told to end")
+    wait_until(lambda: ended, 60, "the process is told to end")
     gateway.close()
     listener.close()
     assert ended == [1]

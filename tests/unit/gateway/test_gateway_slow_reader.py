@@ -30,14 +30,14 @@ def test_a_reader_that_does_not_read_is_dropped_with_a_counter(
     with served() as stack:
         events = next(iter(stack.gateway.robots.robots.values())).monitor.events
         deaf = _connected(stack, path, headers)
-        wait_until(lambda: events.viewers == 1, 10, "it watches")
+        wait_until(lambda: events.viewers == 1, 60, "it watches")
         sent = 0
         while not events.dropped:  # the buffers of the system take some megabytes first
             stack.backend.bus.publish(DECISION, DECISION_OF)
             sent += 1
             assert sent < 5000
             assert events.longest_queue <= 2 * BACKLOG + 1
-        wait_until(lambda: events.viewers == 0, 10, "its stream has ended")
+        wait_until(lambda: events.viewers == 0, 60, "its stream has ended")
         figures = LOOPBACK.get(f"{stack.url}/metrics").text
         assert 'helios_event_viewers_dropped_total{robot="robot"} 1.0' in figures
         assert 'helios_event_queue{robot="robot"} 0.0' in figures

@@ -209,7 +209,7 @@ def test_the_gateway_answers_while_metrics_wait_for_the_disk(
     with ThreadPoolExecutor(1) as scraper:
         with state.fleet.queue._lock:  # as during a commit
             scraped = scraper.submit(client.get, "/metrics")
-            wait_until(lambda: state.metrics_threads.borrowed_tokens == 1, 20, "it is asked")
+            wait_until(lambda: state.metrics_threads.borrowed_tokens == 1, 60, "it is asked")
             assert client.get("/healthz").status_code == 200
             assert not scraped.done()
         assert "helios_fleet_tasks 0.0" in scraped.result(20).text

@@ -66,16 +66,19 @@ def test_a_held_command_moves_the_robot_and_its_release_stops_the_robot(
         socket.send_json({})
         receive_until(socket, is_in("standing"))
         moved = backend.driving.kinds().count("forward")
-        wait_until(lambda: backend.driving.kinds()[-1] == "observe", 20, "a last keyframe is taken")
+        wait_until(lambda: backend.driving.kinds()[-1] == "observe", 60, "a last keyframe is taken")
         assert backend.driving.kinds().count("forward") == moved
 
 
 def test_a_command_that_is_not_repeated_expires(client: TestClient, backend: Backend) -> None:
     with connect_driver(client) as socket:
         socket.send_json(AHEAD)
-        wait_until(lambda: "observe" in backend.driving.kinds(), 20, "the robot is given back")
-        assert backend.driving.kinds() == ["forward", "observe"]
+        receive_until(socket, is_in("driving"))
         receive_until(socket, is_in("standing"))
+        moved = backend.driving.kinds().count("forward")
+        other = pb.LeaseRequest(holder="planner")
+        wait_until(lambda: _granted(backend, other), 60, "the lease is given back")
+        assert backend.driving.kinds().count("forward") == moved > 0
 
 
 def test_a_closed_connection_stops_the_robot_and_releases_the_lease(
@@ -83,10 +86,10 @@ def test_a_closed_connection_stops_the_robot_and_releases_the_lease(
 ) -> None:
     with connect_driver(client) as socket:
         socket.send_json(AHEAD)
-        wait_until(lambda: backend.driving.moves, 20, "it moves")
-    wait_until(lambda: backend.driving.kinds()[-1] == "observe", 20, "a last keyframe is taken")
+        wait_until(lambda: backend.driving.moves, 60, "it moves")
+    wait_until(lambda: backend.driving.kinds()[-1] == "observe", 60, "a last keyframe is taken")
     other = pb.LeaseRequest(holder="planner")
-    wait_until(lambda: _granted(backend, other), 20, "the lease is given back")
+    wait_until(lambda: _granted(backend, other), 60, "the lease is given back")
 
 
 def _granted(backend: Backend, request: pb.LeaseRequest) -> bool:
@@ -103,7 +106,7 @@ def test_teleop_takes_a_keyframe_only_every_half_metre(
         socket.send_json(AHEAD)
         receive_until(socket, lambda s: (s["pose"] or {}).get("x_m", 0) > 1.55, AHEAD)
         socket.send_json({})
-        wait_until(lambda: backend.driving.kinds()[-1] == "observe", 20, "a last keyframe is taken")
+        wait_until(lambda: backend.driving.kinds()[-1] == "observe", 60, "a last keyframe is taken")
     since_m = 0.0
     for request in backend.driving.moves:
         ahead_m = request.action.forward.distance_m
@@ -123,7 +126,7 @@ def test_a_move_that_the_robot_refuses_is_reported_and_not_retried(
         for _ in range(20):
             socket.send_json(AHEAD)
         socket.send_json({"forward": 1.0, "turn": 1.0})
-        wait_until(lambda: "turn" in backend.driving.kinds(), 20, "it turns away")
+        wait_until(lambda: "turn" in backend.driving.kinds(), 60, "it turns away")
         assert backend.driving.kinds().count("forward") == 1
 
 
@@ -150,7 +153,7 @@ def test_a_refusal_lasts_until_the_command_is_released(
     with connect_driver(client) as socket:
         receive_until(socket, is_in("refused"))
         socket.send_json(AHEAD)
-        wait_until(lambda: backend.calls.count("list") > 1, 20, "it was asked again")
+        wait_until(lambda: backend.calls.count("list") > 1, 60, "it was asked again")
         backend.change_task("t1", "succeeded")
         for _ in range(5):
             socket.send_json(AHEAD)
@@ -310,7 +313,7 @@ def test_an_empty_message_is_refused_and_the_connection_stays_usable(
         assert "the command is wrong" in receive_until(socket, is_in("refused"))["reason"]
         socket.send_json({})
         socket.send_json(AHEAD)
-        wait_until(lambda: backend.driving.moves, 20, "it moves")
+        wait_until(lambda: backend.driving.moves, 60, "it moves")
 
 
 def test_a_task_that_starts_between_the_check_and_the_lease_has_the_robot(

@@ -66,7 +66,7 @@ def test_a_service_that_cannot_start_ends_its_process_and_reports_the_reason(
     monkeypatch.setattr(main, "warm_up", lambda: None)
     health = Health()
     hosted = main.MapHost(Broken(MemoryHub()), health, Settings.load([]))
-    wait_until(lambda: ended == [1], 10, "the process is told to end")
+    wait_until(lambda: ended == [1], 60, "the process is told to end")
     assert health.state[0] == "degraded"
     assert "could not be started (RuntimeError: the bus is gone)" in health.state[1]
     hosted.close()

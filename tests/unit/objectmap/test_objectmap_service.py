@@ -71,7 +71,7 @@ class Rig:
         self.bus.publish(OBSERVATION, observation_to_proto(o))
 
     def objects(self, *names: str):
-        reply = self.bus.call(OBJECTS, pb.ObjectsRequest(class_names=names), 1.0)
+        reply = self.bus.call(OBJECTS, pb.ObjectsRequest(class_names=names), 30.0)
         return [object_from_proto(o) for o in reply.objects]
 
 
@@ -164,12 +164,12 @@ def test_every_observation_is_acknowledged_and_its_objects_can_be_queried(rig):
     ]
     (mug,) = rig.objects("mug")
     assert np.linalg.norm(mug.center_m - MUG_CENTER) < 0.06
-    reply = rig.bus.call(OBJECTS, pb.ObjectsRequest(), 1.0)
+    reply = rig.bus.call(OBJECTS, pb.ObjectsRequest(), 30.0)
     assert {o.class_name for o in reply.objects} == {"mug", "table"}
     assert reply.id.seq == 2
     assert reply.version == rig.acks[-1].version
     assert reply.gaussians > 1000
-    assert not rig.bus.call(OBJECTS, pb.ObjectsRequest(min_class_score=0.99), 1.0).objects
+    assert not rig.bus.call(OBJECTS, pb.ObjectsRequest(min_class_score=0.99), 30.0).objects
 
 
 def test_an_observation_waits_for_its_search_context(rig):
@@ -325,7 +325,7 @@ def test_a_what_if_about_an_unknown_object_or_an_invalid_camera_is_refused(rig):
         with pytest.raises(InvalidInput, match="ask for the objects again"):
             what_if(rig, object_id, name)
     with pytest.raises(InvalidInput):
-        rig.bus.call(WHAT_IF, pb.WhatIfRequest(object_id=mug.id, class_name="mug"), 1.0)
+        rig.bus.call(WHAT_IF, pb.WhatIfRequest(object_id=mug.id, class_name="mug"), 30.0)
 
 
 def test_a_what_if_of_more_pixels_than_a_picture_may_have_is_refused_before_it_is_rendered(rig):
@@ -340,15 +340,15 @@ def test_a_what_if_of_more_pixels_than_a_picture_may_have_is_refused_before_it_i
         camera=camera,
     )
     with pytest.raises(InvalidInput, match="4000x4000 pixels asked for; at most 2304000 in"):
-        rig.bus.call(WHAT_IF, request, 1.0)
+        rig.bus.call(WHAT_IF, request, 30.0)
     request.camera.CopyFrom(pinhole_to_proto(CAMERA))
-    assert rig.bus.call(WHAT_IF, request, 1.0).pixels
+    assert rig.bus.call(WHAT_IF, request, 30.0).pixels
 
 
 def test_retire_by_id_or_point_removes_the_object(rig):
     rig.ask_for()
     for by_point in (False, True):
-        rig.bus.call(RESET_OBJECTS, pb.Empty(), 1.0)
+        rig.bus.call(RESET_OBJECTS, pb.Empty(), 30.0)
         rig.see(0.1 if by_point else 0.0)
         (mug,) = rig.objects("mug")
         x, y, z = MUG_CENTER
@@ -359,17 +359,17 @@ def test_retire_by_id_or_point_removes_the_object(rig):
         )
         reported: list[pb.Retired] = []
         rig.bus.subscribe(RETIRED, reported.append)
-        reply = rig.bus.call(RETIRE, request, 1.0)
+        reply = rig.bus.call(RETIRE, request, 30.0)
         assert reply.retired_gaussians >= mug.gaussians
         assert (reply.object_id, reply.class_name) == (mug.id, "mug")
         assert (reported[-1].object_id, reported[-1].class_name) == (mug.id, "mug")
         assert not rig.objects("mug")
         assert rig.objects("table")
-        again = rig.bus.call(RETIRE, request, 1.0)
+        again = rig.bus.call(RETIRE, request, 30.0)
         assert again.retired_gaussians == 0
         assert "no object" in again.reason
     with pytest.raises(InvalidInput):
-        rig.bus.call(RETIRE, pb.RetireRequest(), 1.0)
+        rig.bus.call(RETIRE, pb.RetireRequest(), 30.0)
 
 
 UNNAMED = 10**9 + 123  # the planner's id of a thing that the map does not know
@@ -378,7 +378,7 @@ UNNAMED = 10**9 + 123  # the planner's id of a thing that the map does not know
 def retire_unnamed(rig: Rig, x: float, y: float, z: float) -> pb.RetireReply:
     point = pb.Vector3(x=x, y=y, z=z)
     request = pb.RetireRequest(object_id=UNNAMED, point_m=point, radius_m=0.15, reason="picked")
-    return rig.bus.call(RETIRE, request, 1.0)
+    return rig.bus.call(RETIRE, request, 30.0)
 
 
 def test_retire_with_an_unknown_id_removes_the_object_at_the_point(rig):
@@ -414,7 +414,7 @@ def test_a_known_id_counts_more_than_the_point(rig):
         request = pb.RetireRequest(
             object_id=mug.id, point_m=pb.Vector3(x=x), radius_m=0.15, reason="picked"
         )
-        reply = rig.bus.call(RETIRE, request, 1.0)
+        reply = rig.bus.call(RETIRE, request, 30.0)
         assert (reply.object_id, reply.class_name) == (mug.id, "mug")
         rig.see(0.3, 0.4)
         (mug,) = rig.objects("mug")
@@ -425,13 +425,13 @@ def test_retire_with_an_impossible_point_is_refused(rig, x):
     for object_id in (0, UNNAMED):
         request = pb.RetireRequest(object_id=object_id, point_m=pb.Vector3(x=x), radius_m=0.15)
         with pytest.raises(InvalidInput, match="wanted a point within 10000 m"):
-            rig.bus.call(RETIRE, request, 1.0)
+            rig.bus.call(RETIRE, request, 30.0)
 
 
 def test_gaussian_arrays_agree_in_length_and_a_reset_clears_them(rig):
     rig.ask_for()
     rig.see()
-    reply = rig.bus.call(GAUSSIANS, pb.GaussiansRequest(), 1.0)
+    reply = rig.bus.call(GAUSSIANS, pb.GaussiansRequest(), 30.0)
     n = reply.count
     assert n > 1000
     assert len(np.frombuffer(reply.means_m, "<f4")) == 3 * n
@@ -441,6 +441,6 @@ def test_gaussian_arrays_agree_in_length_and_a_reset_clears_them(rig):
     assert set(np.frombuffer(reply.instances, "<u4")) == {o.id for o in rig.objects()}
     assert list(reply.class_names) == ["other", "mug", "table"]
     assert len(np.frombuffer(reply.concentration, "<f4")) == 3 * n
-    rig.bus.call(RESET_OBJECTS, pb.Empty(), 1.0)
+    rig.bus.call(RESET_OBJECTS, pb.Empty(), 30.0)
     assert not rig.objects()
-    assert rig.bus.call(GAUSSIANS, pb.GaussiansRequest(), 1.0).count == 0
+    assert rig.bus.call(GAUSSIANS, pb.GaussiansRequest(), 30.0).count == 0

@@ -95,7 +95,7 @@ def test_the_service_answers_and_its_map_stays_as_it_is() -> None:
     assert [(o.id, o.score, o.gaussians) for o in after] == [
         (o.id, o.score, o.gaussians) for o in before
     ]
-    reply = rig.bus.call(HELD_OBJECT, pb.HeldObjectRequest(class_name="mug"), 1.0)
+    reply = rig.bus.call(HELD_OBJECT, pb.HeldObjectRequest(class_name="mug"), 30.0)
     assert reply.sides == 1
     assert {n.name: n.share for n in reply.names} == {"mug": 1.0, "glass": 1.0}
     assert reply.probability == pytest.approx(1 / (1 + BROAD_PRIOR.rival))  # both as often
@@ -136,11 +136,11 @@ def test_the_service_says_what_a_box_was_called() -> None:
         center_m=[vector_to_proto(mug.center_m), empty],
         size_m=[vector_to_proto(mug.size_m)] * 2,
     )
-    called, unknown = rig.bus.call(NAMES_AT, request, 1.0).probability
+    called, unknown = rig.bus.call(NAMES_AT, request, 30.0).probability
     assert called == pytest.approx(1.0)
     assert unknown == 0.5
     request.class_name = "glass"
-    assert rig.bus.call(NAMES_AT, request, 1.0).probability[0] < called
+    assert rig.bus.call(NAMES_AT, request, 30.0).probability[0] < called
 
 
 @pytest.mark.parametrize(
@@ -157,4 +157,4 @@ def test_the_service_says_what_a_box_was_called() -> None:
 )
 def test_boxes_that_make_no_sense_are_refused(request_: pb.NamesAtRequest) -> None:
     with pytest.raises(InvalidInput, match=r"box|centre"):
-        Rig().bus.call(NAMES_AT, request_, 1.0)
+        Rig().bus.call(NAMES_AT, request_, 30.0)

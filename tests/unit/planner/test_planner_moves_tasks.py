@@ -52,13 +52,13 @@ def test_a_task_that_only_moves_the_robot_needs_no_detector(start: Start, text: 
 def test_an_exploration_succeeds_when_its_time_is_over(start: Start) -> None:
     _, bus, peers = start(flat())
     peers.gate = threading.Event()
-    id = submit(bus, "explore for 1 second").id
-    assert task(bus, id).time_limit_s == 1
+    id = submit(bus, "explore for 5 seconds").id
+    assert task(bus, id).time_limit_s == 5
     wait_until(peers.acting.is_set, 60, "it acts")
-    threading.Timer(1.2, peers.gate.set).start()
+    threading.Timer(5.2, peers.gate.set).start()
     done = ended(bus, id)
     assert done.state == "succeeded"
-    assert "the task's 1 s are used up" in done.message
+    assert "the task's 5 s are used up" in done.message
 
 
 def test_a_requested_time_limit_overrides_the_one_in_the_instruction(start: Start) -> None:

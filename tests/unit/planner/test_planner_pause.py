@@ -75,7 +75,7 @@ def test_a_pause_just_before_an_action_blocks_the_action_and_its_journal_entry()
     hold = hold_of(PausedLate)
     notes = CallRecorder(hold)
     thread = notes.act_once()
-    wait_until(lambda: notes.held == [True] or notes.acted, 10, "the task stands, or acts")
+    wait_until(lambda: notes.held == [True] or notes.acted, 60, "the task stands, or acts")
     assert not notes.acted
     assert not notes.kept
     hold.resume()
@@ -108,7 +108,7 @@ def test_a_pause_is_acknowledged_after_an_action_that_began_before_it() -> None:
     thread.join(10)
     assert notes.acted == ["task-1"]
     second = notes.act_once()
-    wait_until(lambda: notes.held == [True], 10, "the next action waits")
+    wait_until(lambda: notes.held == [True], 60, "the next action waits")
     assert len(notes.acted) == 1
     hold.resume()
     second.join(10)

@@ -26,7 +26,7 @@ def test_a_task_submitted_during_a_reservation_waits_and_reports_the_reason(star
     assert WHY in task(bus, id).message
     with service._wake:
         service._wake.notify_all()  # the worker checks, and starts nothing
-    wait_until(service._described.is_set, 20, "the robot is known")
+    wait_until(service._described.is_set, 60, "the robot is known")
     assert not peers.acting.wait(0.7)  # the worker checks every 0.5 s
     assert set(reported) == {"queued"}
     bus.call(RESERVE, pb.ReserveRequest(token=token), 5)

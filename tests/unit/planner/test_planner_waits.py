@@ -35,7 +35,7 @@ def test_a_robot_that_begins_a_new_world_in_mid_task_is_a_system_error(start: St
     id = submit(bus).id
     wait_until(peers.acting.is_set, 60, "it acts")
     peers.gate.set()
-    wait_until(lambda: peers.world.steps > 3, 30, "it acts on")
+    wait_until(lambda: peers.world.steps > 3, 60, "it acts on")
     peers.boot = "another boot"
     done = ended(bus, id)
     assert (done.state, done.cause) == ("failed", "system error")

@@ -159,7 +159,7 @@ def test_files_are_rotated_and_each_can_be_read_alone(tmp_path: Path) -> None:
     while len(list(tmp_path.glob("*.mcap"))) < 3:
         recorded.look(seq)
         seq += 1
-        wait_until(lambda: recorded.service.recording.inbox.bytes == 0, 20, "it is written")
+        wait_until(lambda: recorded.service.recording.inbox.bytes == 0, 60, "it is written")
     recorded.close()
     files = sorted(tmp_path.glob("*.mcap"))
     assert all(path.stat().st_size < 200_000 for path in files)
@@ -174,5 +174,5 @@ def test_files_are_rotated_and_each_can_be_read_alone(tmp_path: Path) -> None:
 def test_a_file_is_rotated_at_its_maximum_age(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path, rotate_min=1e-4, flush_s=0.001)
     recorded.robot()
-    wait_until(lambda: len(list(tmp_path.glob("*.mcap"))) >= 3, 20, "the file is followed")
+    wait_until(lambda: len(list(tmp_path.glob("*.mcap"))) >= 3, 60, "the file is followed")
     recorded.close()

@@ -55,7 +55,7 @@ def test_dropped_frames_are_counted_and_reported(
     step = Recording._step
 
     def slow(self: Recording, item: Any) -> None:
-        wait_until(lambda: not gate_is_shut, 20, "the disk wakes up")
+        wait_until(lambda: not gate_is_shut, 60, "the disk wakes up")
         step(self, item)
 
     monkeypatch.setattr(Recording, "_step", slow)
@@ -64,7 +64,7 @@ def test_dropped_frames_are_counted_and_reported(
         recorded.bus.publish(FRAME, frame(seq, keyframe=False))
     recorded.bus.publish(KEYFRAME, frame(30))
     gate_is_shut = False
-    wait_until(lambda: "dropped" in recorded.health.state[1], 20, "it says so")
+    wait_until(lambda: "dropped" in recorded.health.state[1], 60, "it says so")
     recorded.close()
     metrics = recorded.health.metrics()
     assert 20 <= metrics["dropped_frames"] <= 26
@@ -103,21 +103,21 @@ def test_a_full_disk_is_reported_and_the_recording_continues_when_space_is_free(
     monkeypatch.setattr(file_module, "_check_room", room)
     recorded = Recorded(tmp_path, flush_s=0.01, retry_s=0.1)
     recorded.tour(2)
-    wait_until(lambda: recorded.health.state[0] == "ready", 20, "it records")
+    wait_until(lambda: recorded.health.state[0] == "ready", 60, "it records")
     file = recorded.service.recording._file
     assert file is not None
     full = True
-    wait_until(lambda: recorded.health.state[0] == "degraded", 20, "the full disk is said")
+    wait_until(lambda: recorded.health.state[0] == "degraded", 60, "the full disk is said")
     said = recorded.health.state[1]
     assert "the disk is full" in said
     assert str(tmp_path) in said
     assert file._stream.closed
     recorded.look(2)  # does not block
     wait_until(
-        lambda: recorded.health.metrics().get("dropped_while_stopped", 0) >= 2, 20, "it is counted"
+        lambda: recorded.health.metrics().get("dropped_while_stopped", 0) >= 2, 60, "it is counted"
     )
     full = False
-    wait_until(lambda: recorded.health.state[0] == "ready", 20, "it records again")
+    wait_until(lambda: recorded.health.state[0] == "ready", 60, "it records again")
     recorded.look(3)
     recorded.close()
     assert len(list(tmp_path.glob("*.mcap"))) >= 2
@@ -135,9 +135,9 @@ def test_a_disk_that_becomes_full_ends_the_file_with_its_index_and_loses_no_mess
     monkeypatch.setattr(file_module, "_check_room", room)
     recorded = Recorded(tmp_path, flush_s=0.01, retry_s=1000.0)
     recorded.tour(3)
-    wait_until(lambda: recorded.health.metrics().get("messages", 0) == 9, 20, "all is taken")
+    wait_until(lambda: recorded.health.metrics().get("messages", 0) == 9, 60, "all is taken")
     full = True
-    wait_until(lambda: recorded.health.state[0] == "degraded", 20, "the full disk is said")
+    wait_until(lambda: recorded.health.state[0] == "degraded", 60, "the full disk is said")
     (file,) = tmp_path.glob("*.mcap")
     with file.open("rb") as stream:
         summary = make_reader(stream).get_summary()
@@ -165,7 +165,7 @@ def test_a_written_message_is_not_counted_as_lost_when_the_disk_becomes_full(
     monkeypatch.setattr(file_module.RecordingFile, "finish", no_room)
     recorded.robot()
     recorded.look(0, keyframe=False)
-    wait_until(lambda: recorded.health.state[0] == "degraded", 20, "the full disk is said")
+    wait_until(lambda: recorded.health.state[0] == "degraded", 60, "the full disk is said")
     assert recorded.health.metrics().get("dropped_while_stopped", 0) == 0
     recorded.close()
 
@@ -180,12 +180,12 @@ def test_messages_that_a_full_disk_did_not_take_are_counted(
 
     recorded = Recorded(tmp_path, flush_s=1000.0, chunk_mb=64, retry_s=1000.0)
     recorded.tour(3)
-    wait_until(lambda: recorded.health.metrics().get("messages", 0) == 9, 20, "all is taken")
+    wait_until(lambda: recorded.health.metrics().get("messages", 0) == 9, 60, "all is taken")
     monkeypatch.setattr(file_module.RecordingFile, "write", full)
     recorded.look(3)
-    wait_until(lambda: recorded.health.state[0] == "degraded", 20, "the full disk is said")
+    wait_until(lambda: recorded.health.state[0] == "degraded", 60, "the full disk is said")
     wait_until(
-        lambda: recorded.health.metrics()["dropped_while_stopped"] == 11, 20, "all is counted"
+        lambda: recorded.health.metrics()["dropped_while_stopped"] == 11, 60, "all is counted"
     )
     recorded.close()
 
@@ -205,7 +205,7 @@ def test_messages_that_a_slow_disk_did_not_take_by_the_end_are_reported(
 
 def test_too_little_disk_space_at_the_start_is_reported(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path, min_free_mb=1e12)
-    wait_until(lambda: recorded.health.state[0] == "degraded", 20, "it is said")
+    wait_until(lambda: recorded.health.state[0] == "degraded", 60, "it is said")
     recorded.close()
     assert "kept free" in recorded.health.state[1]
     assert list(tmp_path.glob("*.mcap")) == []
@@ -214,7 +214,7 @@ def test_too_little_disk_space_at_the_start_is_reported(tmp_path: Path) -> None:
 def test_an_output_folder_that_cannot_be_created_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     recorded = Recorded(tmp_path / "file" / "recordings")
-    wait_until(lambda: recorded.health.state[0] == "degraded", 20, "it is said")
+    wait_until(lambda: recorded.health.state[0] == "degraded", 60, "it is said")
     recorded.close()
     assert "cannot be written" in recorded.health.state[1]
 
@@ -234,10 +234,10 @@ def test_a_disk_that_takes_no_byte_leaves_no_empty_files(
 
     monkeypatch.setattr(Path, "open", full)
     recorded = Recorded(tmp_path, retry_s=0.05)
-    wait_until(lambda: recorded.health.state[0] == "degraded", 20, "it is said")
+    wait_until(lambda: recorded.health.state[0] == "degraded", 60, "it is said")
     recorded.robot()
     wait_until(
-        lambda: recorded.health.metrics().get("dropped_while_stopped", 0) >= 2, 20, "it is counted"
+        lambda: recorded.health.metrics().get("dropped_while_stopped", 0) >= 2, 60, "it is counted"
     )
     recorded.close()
     assert recorded.health.metrics()["dropped_while_stopped"] == 2  # robot() publishes two messages

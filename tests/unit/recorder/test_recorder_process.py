@@ -42,7 +42,7 @@ def test_a_recorder_process_records_each_version_of_the_running_maps_once(
             return False
         return True
 
-    wait_until(connected, 30, "the router is up")
+    wait_until(connected, 60, "the router is up")
     (bus,) = opened
     occupancy = np.zeros((300, 400), np.int8)
     occupancy[7, 11] = OCCUPIED
@@ -55,7 +55,7 @@ def test_a_recorder_process_records_each_version_of_the_running_maps_once(
     )
     try:
         wait_until(lambda: maps.asked, 60, "it asks by itself")
-        wait_until(lambda: states and states[-1].state == "ready", 30, "it records")
+        wait_until(lambda: states and states[-1].state == "ready", 60, "it records")
         changed = occupancy.copy()
         changed[8, 11] = OCCUPIED
 
@@ -63,14 +63,14 @@ def test_a_recorder_process_records_each_version_of_the_running_maps_once(
             maps.announce()
             return maps.asked > 3
 
-        wait_until(asked_again, 30, "it hears that there is something new")
+        wait_until(asked_again, 60, "it hears that there is something new")
         maps.change(snapshot_of(changed))
 
         def is_kept() -> bool:
             grid = last_of(tmp_path).get("/map/occupancy")
             return grid is not None and bool(cells_of(grid)["occupancy"][8, 11] == OCCUPIED)
 
-        wait_until(is_kept, 30, "the change is in the file")
+        wait_until(is_kept, 60, "the change is in the file")
     finally:
         recorder.terminate()
         assert recorder.wait(ENDS_WITHIN_S) == 0

@@ -183,7 +183,7 @@ def test_several_files_are_one_recording(tmp_path: Path) -> None:
     sent: list[pb.Frame] = []
     while len(list(tmp_path.glob("*.mcap"))) < 3:
         sent.append(recorded.look(len(sent)))
-        wait_until(lambda: recorded.service.recording.inbox.bytes == 0, 20, "it is written")
+        wait_until(lambda: recorded.service.recording.inbox.bytes == 0, 60, "it is written")
     recorded.close()
     source = open_source(tmp_path)
     assert [source.read(i).recorded for i in range(len(source.shots))] == sent
@@ -197,9 +197,9 @@ def test_a_file_that_begins_without_a_message_repeats_the_context_of_the_one_bef
     recorded.robot()
     recorded.bus.publish(CONTEXT, context())
     recorded.look(0)
-    wait_until(lambda: recorded.service.recording.inbox.bytes == 0, 20, "it is written")
+    wait_until(lambda: recorded.service.recording.inbox.bytes == 0, 60, "it is written")
     files = len(list(tmp_path.glob("*.mcap")))
-    wait_until(lambda: len(list(tmp_path.glob("*.mcap"))) > files, 20, "an idle recorder goes on")
+    wait_until(lambda: len(list(tmp_path.glob("*.mcap"))) > files, 60, "an idle recorder goes on")
     recorded.look(1)
     recorded.close()
     source = open_source(tmp_path)

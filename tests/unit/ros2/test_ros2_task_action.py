@@ -148,7 +148,7 @@ def test_calls_that_wait_for_the_planner_leave_the_caller_free_and_are_bounded()
         assert running.acquire(timeout=20)
     assert not calls.start(hangs)
     go_on.set()
-    wait_until(lambda: calls.start(lambda: None), 20, "a thread is free again")
+    wait_until(lambda: calls.start(lambda: None), 60, "a thread is free again")
 
 
 def test_a_goal_that_finds_too_many_calls_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

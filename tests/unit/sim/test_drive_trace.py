@@ -48,7 +48,7 @@ def test_a_halt_ends_one_drive_and_latches_nothing(sim_home: Home) -> None:
 
     def halt() -> None:
         before = len(world.trace.since(0))
-        wait_until(lambda: len(world.trace.since(0)) > before + 20, 20, "it turns")
+        wait_until(lambda: len(world.trace.since(0)) > before + 20, 60, "it turns")
         world.halt("its sender is silent")
 
     halting = threading.Thread(target=halt)

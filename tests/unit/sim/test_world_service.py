@@ -83,7 +83,7 @@ def test_a_stop_from_another_thread_ends_driving(sim_home: Home):
 
     driver = threading.Thread(target=drive)
     driver.start()
-    wait_until(lambda: results, 30, "it drives")
+    wait_until(lambda: results, 60, "it drives")
     thread.stop("enough")
     driver.join(20)
     assert results[0].succeeded
@@ -147,7 +147,7 @@ def _open(endpoint: str) -> ZenohBus:
             return False
         return True
 
-    wait_until(connected, 10, "the router answers")
+    wait_until(connected, 60, "the router answers")
     return made[0]
 
 

@@ -19,7 +19,7 @@ from tests.fake_spot.server import PASSWORD, USER, FakeSpot
 from tests.fake_spot.world import World
 from tests.support import wait_until
 
-PATIENT_S = 10.0  # for answers that arrive; they may take seconds on a busy machine
+PATIENT_S = 15.0  # for answers that arrive; they may take seconds on a busy machine
 HASTY_S = 1.0  # for answers that never arrive, so that no test waits long
 
 
@@ -40,6 +40,8 @@ class Stage:
             "username": USER,
             "password": SecretStr(PASSWORD),
             "rpc_timeout_s": PATIENT_S,
+            "command_s": 2.0,
+            "blocked_s": 10.0,
             **more,
         }
         return SpotSettings(**values)
@@ -58,7 +60,7 @@ class Stage:
         # A walk may still wait with the long timeout for an earlier request; let it get the answer.
         wait_until(
             lambda: self.fake.commands.asked >= asked + 2 or not self.world.moving,
-            10,
+            60,
             "the walk asks anew",
         )
         self.fake.wire.cut()
@@ -82,7 +84,7 @@ class Stage:
     def during(self, driver: SpotDriver, action: Action, do: Callable[[], object]) -> Outcome:
         """Begin an action in a thread and call `do` once the robot moves; the pending outcome."""
         out = Outcome(self, driver, action)
-        wait_until(lambda: self.world.moving, 10, "the robot moves")
+        wait_until(lambda: self.world.moving, 60, "the robot moves")
         do()
         return out
 

@@ -15,11 +15,11 @@ from tests.unit.spot.spot_stage import Outcome, Stage
 def test_an_e_stop_during_standing_up_keeps_the_motors_off_until_the_stop_is_cleared(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("helios_spot.motion.STAND_S", 0.5)
+    monkeypatch.setattr("helios_spot.motion.STAND_S", 3.0)
     driver = stage.driver()
     stage.world.endless.add("stand_request")
     outcome = Outcome(stage, driver, Observe())
-    wait_until(lambda: stage.world.standing, 10, "it gets up")
+    wait_until(lambda: stage.world.standing, 60, "it gets up")
     stage.world.press_estop("hardware button")
     assert isinstance(outcome.wait().error, Conflict)
     assert driver.state().stopped
@@ -52,7 +52,7 @@ def test_a_lease_lost_while_the_hand_is_raised_is_latched_and_ends_the_action(st
     driver = stage.driver()
     stage.world.endless.add("arm_cartesian_command")
     outcome = Outcome(stage, driver, Forward(0.5))
-    wait_until(lambda: not stage.world.stowed, 10, "the hand is raised")
+    wait_until(lambda: not stage.world.stowed, 60, "the hand is raised")
     stage.fake.leases.give_to("the tablet")
     error = outcome.wait().error
     assert isinstance(error, Conflict)

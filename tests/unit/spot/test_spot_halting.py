@@ -82,7 +82,7 @@ def test_a_link_failure_during_a_walk_stops_the_robot_within_the_command_time(
     staging: Staging,
 ) -> None:
     stage = staging(hurry=1.0)
-    driver = stage.driver(speed_m_s=0.5, command_s=0.6)
+    driver = stage.driver(speed_m_s=0.5, command_s=1.0)
     stage.act(driver, Observe())
     cut_at: list[float] = []
 
@@ -95,10 +95,10 @@ def test_a_link_failure_during_a_walk_stops_the_robot_within_the_command_time(
     assert "ends by itself" in outcome.error.message
     standing(stage)
     assert "halt: the command ended" in stage.world.log
-    assert stage.world.x - cut_at[0] <= 0.5 * 0.6 + 0.1
+    assert stage.world.x - cut_at[0] <= 0.5 * 1.0 + 0.1
     stage.mend(driver)
     stage.world.hurry = 8.0
-    wait_until(lambda: connected(stage, driver), 15, "the driver finds the robot again")
+    wait_until(lambda: connected(stage, driver), 60, "the driver finds the robot again")
 
 
 def connected(stage: Stage, driver: SpotDriver) -> bool:
@@ -307,7 +307,7 @@ def test_closing_the_driver_stops_the_robot_and_returns_the_lease(staging: Stagi
     driver = stage.driver()
     stage.act(driver, Observe())
     outcome = Outcome(stage, driver, Forward(1.0))
-    wait_until(lambda: stage.world.moving, 10, "the robot moves")
+    wait_until(lambda: stage.world.moving, 60, "the robot moves")
     driver.close()
     outcome.wait()
     standing(stage)
@@ -320,7 +320,7 @@ def test_closing_the_driver_without_a_link_does_not_hang(stage: Stage) -> None:
     stage.cut(driver)
     closing = threading.Thread(target=driver.close, daemon=True)
     closing.start()
-    closing.join(15)
+    closing.join(60)
     assert not closing.is_alive()
 
 

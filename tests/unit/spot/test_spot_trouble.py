@@ -137,7 +137,7 @@ def test_a_replaced_e_stop_endpoint_is_reported_before_anything_moves(stage: Sta
     driver = stage.driver(estop="endpoint", estop_timeout_s=3.0)
     stage.act(driver, Observe())
     stage.fake.estop.replace("the tablet")
-    wait_until(lambda: not driver._control._estop._thread.is_alive(), 20, "ours is refused")
+    wait_until(lambda: not driver._control._estop._thread.is_alive(), 60, "ours is refused")
     with pytest.raises(Conflict, match=r"endpoint is gone.*restart the bridge"):
         stage.act(driver, Forward(0.5))
     assert stage.world.x == 0.0
@@ -153,7 +153,7 @@ def test_our_e_stop_endpoint_trips_after_the_driver_has_closed(stage: Stage) -> 
         stage.world.step()
         return not stage.world.motors
 
-    wait_until(tripped, 20, "the endpoint trips")
+    wait_until(tripped, 60, "the endpoint trips")
     assert stage.world.estops == {"software"}
 
 
@@ -231,7 +231,7 @@ def test_a_broken_frame_tree_is_reported_and_the_next_valid_one_works(
 
 
 def test_a_command_that_arrives_after_its_end_time_is_an_error_and_never_runs(stage: Stage) -> None:
-    driver = stage.driver()
+    driver = stage.driver(command_s=1.0)
     stage.act(driver, Observe())
     stage.fake.commands.late_s = 2.0
     with pytest.raises(DeadlineExceeded, match=r"after its end.*send the action again"):

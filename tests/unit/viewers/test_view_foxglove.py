@@ -118,7 +118,7 @@ def test_a_client_receives_every_channel_of_a_running_robot(router: str) -> None
             opened.append(ZenohBus(router))
         return bool(opened)
 
-    wait_until(connected, 30, "the router is up")
+    wait_until(connected, 60, "the router is up")
     port, seq = free_port(), 0
     with closing(opened[0]) as bus:
         maps = maps_on(bus)

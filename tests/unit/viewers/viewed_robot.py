@@ -145,7 +145,7 @@ def recording(folder: Path) -> Path:
     maps = maps_on(recorded.bus)
     for seq in range(3):
         publish_all(recorded.bus, maps, seq)
-    wait_until(lambda: last_of(folder).keys() >= DRAWN, 30, "every channel is recorded")
+    wait_until(lambda: last_of(folder).keys() >= DRAWN, 60, "every channel is recorded")
     recorded.close()
     (path,) = folder.glob("*.mcap")
     return path
