@@ -19,7 +19,7 @@ class OwnUp(Up):
     def services(self) -> dict[str, dict[str, Any]]:
         """The gateway's services by name; empty while the gateway does not answer."""
         try:
-            answer = LOOPBACK.get(f"{self.address}/v1/status", timeout=10)
+            answer = LOOPBACK.get(f"{self.address}/v1/status", timeout=60)
             return {s["name"]: s for s in answer.json()["services"]}
         except (httpx.TransportError, KeyError, ValueError):
             return {}

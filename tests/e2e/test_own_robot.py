@@ -111,7 +111,7 @@ def test_the_map_shows_the_table_and_the_free_floor(up: OwnUp, bus: ZenohBus) ->
         return int(grid["occupancy"][int((y_m - y0) / cell_m), int((x_m - x0) / cell_m)])
 
     def mapped() -> bool:
-        answer = LOOPBACK.get(f"{up.address}/v1/map/occupancy.npz", timeout=10)
+        answer = LOOPBACK.get(f"{up.address}/v1/map/occupancy.npz", timeout=60)
         if answer.status_code != 200:
             return False
         with np.load(io.BytesIO(answer.content)) as file:
@@ -122,11 +122,11 @@ def test_the_map_shows_the_table_and_the_free_floor(up: OwnUp, bus: ZenohBus) ->
 
 
 def test_stop_now_over_http_blocks_actions_until_it_is_cleared(up: OwnUp, bus: ZenohBus) -> None:
-    stopped = LOOPBACK.post(f"{up.address}/v1/robot/stop", json={"reason": "a cat"}, timeout=10)
+    stopped = LOOPBACK.post(f"{up.address}/v1/robot/stop", json={"reason": "a cat"}, timeout=60)
     assert stopped.status_code == 200
     with pytest.raises(Conflict, match="a cat"):
         act(bus, "after the stop", pb.Action(turn=pb.Action.Turn(angle_rad=0.2)))
-    assert LOOPBACK.post(f"{up.address}/v1/robot/clear-stop", timeout=10).status_code == 200
+    assert LOOPBACK.post(f"{up.address}/v1/robot/clear-stop", timeout=60).status_code == 200
     assert act(bus, "after that", pb.Action(turn=pb.Action.Turn(angle_rad=0.2))).succeeded
 
 

@@ -74,11 +74,11 @@ def test_pushed_frames_build_a_map(up: OwnUp, tmp_path: Path) -> None:
         assert answer.status_code == 200, answer.text
         assert answer.json()["integrated"]
     wait_until(
-        lambda: LOOPBACK.get(f"{up.address}/v1/map/occupancy.png", timeout=10).status_code == 200,
+        lambda: LOOPBACK.get(f"{up.address}/v1/map/occupancy.png", timeout=60).status_code == 200,
         60,
         "there is a picture of the map",
     )
-    assert LOOPBACK.get(f"{up.address}/v1/camera.jpg", timeout=10).status_code == 200
+    assert LOOPBACK.get(f"{up.address}/v1/camera.jpg", timeout=60).status_code == 200
 
 
 def test_requested_classes_become_objects(up: OwnUp, tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_requested_classes_become_objects(up: OwnUp, tmp_path: Path) -> None:
         return answer["integrated"] and len(answer["maps"]) == 3
 
     wait_until(integrated, 60, "all three maps have taken a frame")
-    objects = LOOPBACK.get(f"{up.address}/v1/objects", timeout=10).json()["objects"]
+    objects = LOOPBACK.get(f"{up.address}/v1/objects", timeout=60).json()["objects"]
     near_m = [np.linalg.norm(np.subtract(o["center_m"], (1.6, 0.0, 0.55))) for o in objects]
     assert min(near_m) < 0.25, objects
 

@@ -30,7 +30,7 @@ def planner_disk(tmp_path: Path) -> Iterator[Path]:
 def refused(stack: Stack, instruction: str) -> str:
     """The reason why the planner refuses a task; empty if it accepts the task."""
     answer = LOOPBACK.post(
-        f"{stack.address}/v1/tasks", json={"instruction": instruction}, timeout=10
+        f"{stack.address}/v1/tasks", json={"instruction": instruction}, timeout=60
     )
     return answer.json()["detail"] if answer.status_code == httpx.codes.SERVICE_UNAVAILABLE else ""
 
@@ -49,7 +49,7 @@ def test_a_task_that_ended_on_a_full_disk_does_not_resume_after_the_planner_dies
         filler = fill(planner_disk)
         wait_until(lambda: "waits for its journal" in stack.task(id)["message"], 60, "it stands")
         assert "make room on that disk" in stack.task(id)["message"]
-        reasons = LOOPBACK.get(f"{stack.address}/readyz", timeout=10).json()["reasons"]
+        reasons = LOOPBACK.get(f"{stack.address}/readyz", timeout=60).json()["reasons"]
         assert any("planner" in r and "tasks cannot be kept" in r for r in reasons)
         assert "no task is taken now" in refused(stack, instruction)
 

@@ -81,7 +81,7 @@ class Stack:
         return command
 
     def newest_task(self) -> dict:
-        return LOOPBACK.get(f"http://127.0.0.1:{self.port}/v1/tasks", timeout=10).json()["tasks"][0]
+        return LOOPBACK.get(f"http://127.0.0.1:{self.port}/v1/tasks", timeout=60).json()["tasks"][0]
 
 
 @pytest.fixture(scope="module")

@@ -304,14 +304,14 @@ def test_the_recording_holds_the_same_map_and_objects_as_the_gateway(
     task = LOOPBACK.post(tasks, json={"instruction": "Find the bed"}, timeout=20).json()
 
     def objects() -> dict[int, Any]:
-        answer = LOOPBACK.get(f"http://127.0.0.1:{up.port}/v1/objects", timeout=10).json()
+        answer = LOOPBACK.get(f"http://127.0.0.1:{up.port}/v1/objects", timeout=60).json()
         return {o["id"]: o for o in answer["objects"]}
 
     wait_until(objects, 120, "something is believed")
-    LOOPBACK.post(f"{tasks}/{task['id']}/cancel", timeout=10)
+    LOOPBACK.post(f"{tasks}/{task['id']}/cancel", timeout=60)
 
     def stands() -> bool:
-        now = LOOPBACK.get(f"{tasks}/{task['id']}", timeout=10).json()["state"]
+        now = LOOPBACK.get(f"{tasks}/{task['id']}", timeout=60).json()["state"]
         return now in ("cancelled", "succeeded", "failed")
 
     wait_until(stands, 60, "the robot stands")

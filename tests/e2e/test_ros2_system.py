@@ -97,7 +97,7 @@ def test_a_task_by_ros_succeeds_and_its_map_reaches_a_node_that_starts_later(sce
 
 
 def newest_state(scene: Scene) -> str:
-    tasks = LOOPBACK.get(f"{scene.up.address}/v1/tasks", timeout=10).json()["tasks"]
+    tasks = LOOPBACK.get(f"{scene.up.address}/v1/tasks", timeout=60).json()["tasks"]
     return tasks[0]["state"] if tasks else ""
 
 
@@ -129,7 +129,7 @@ def test_the_stop_service_stops_the_robot_and_clear_stop_lets_it_move(scene: Sce
 
 @needs_ros2
 def test_the_stop_service_ends_a_drive(scene: Scene) -> None:
-    LOOPBACK.post(f"{scene.up.address}/v1/robot/explore", json={"time_limit_s": 60}, timeout=10)
+    LOOPBACK.post(f"{scene.up.address}/v1/robot/explore", json={"time_limit_s": 60}, timeout=60)
     told = probe(scene.domain, "stop_drive")
     assert told["success"]
     assert not told["drove_on"]

@@ -33,7 +33,7 @@ class Stack(Up):
     """A running `helios up` with the simulated robot."""
 
     def get(self, path: str) -> httpx.Response:
-        return LOOPBACK.get(f"{self.address}{path}", timeout=10)
+        return LOOPBACK.get(f"{self.address}{path}", timeout=60)
 
     def status(self) -> dict[str, ServiceAnswer]:
         """The services by name, as `helios status` reports them."""
@@ -106,7 +106,7 @@ def test_an_invalid_instruction_is_refused_with_a_reason(
     stack: Stack, instruction: str, said: str
 ) -> None:
     answer = LOOPBACK.post(
-        f"http://127.0.0.1:{stack.port}/v1/tasks", json={"instruction": instruction}, timeout=10
+        f"http://127.0.0.1:{stack.port}/v1/tasks", json={"instruction": instruction}, timeout=60
     )
     assert 400 <= answer.status_code < 500
     assert re.search(said, answer.json()["detail"], re.IGNORECASE), answer.json()
@@ -186,8 +186,8 @@ def test_every_path_of_the_http_interface_answers(stack: Stack, path: str, kind:
 
 def test_a_task_can_be_cancelled(stack: Stack) -> None:
     base = f"http://127.0.0.1:{stack.port}/v1/tasks"
-    task = LOOPBACK.post(base, json={"instruction": "Find the remote"}, timeout=10).json()
-    cancelled = LOOPBACK.post(f"{base}/{task['id']}/cancel", timeout=10)
+    task = LOOPBACK.post(base, json={"instruction": "Find the remote"}, timeout=60).json()
+    cancelled = LOOPBACK.post(f"{base}/{task['id']}/cancel", timeout=60)
     assert cancelled.status_code == 200
     wait_until(
         lambda: stack.get(f"/v1/tasks/{task['id']}").json()["state"] in ("cancelled", "succeeded"),

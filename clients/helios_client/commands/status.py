@@ -21,9 +21,11 @@ def find_status(
 ) -> Status:
     """Status `{ready, stopped, stop_reason, services: [{name, state, reason, restarts, pid}]}`.
 
-    While the gateway is down, the services come from the supervisor's file of `port`; only the
-    gateway reports a stop. `robot`: name of the requested robot; only the gateway knows robots
-    other than the supervisor's. Raises HeliosError if there is neither a file nor a gateway.
+    The services come from the supervisor's file of `port` if there is one. The gateway says whether
+    the robot can do a task now, and whether it is stopped. While the gateway is down, `ready` means
+    that all processes are, and `stopped` is None. `robot`: name of the requested robot; only the
+    gateway knows robots other than the supervisor's. Raises HeliosError if there is neither a file
+    nor a gateway.
     """
     found = None
     if port is not None:
@@ -44,10 +46,9 @@ def find_status(
         raise
     if found is None:
         return live
-    stopped = live["stopped"]
     return {
-        "ready": found["ready"] and not stopped,
-        "stopped": stopped,
+        "ready": live["ready"],
+        "stopped": live["stopped"],
         "stop_reason": live.get("stop_reason", ""),
         "services": found["services"],
     }

@@ -10,12 +10,14 @@ import time
 from pathlib import Path
 
 import pytest
+from helios_client.answer_types import Status
 from helios_client.commands.status import find_status
 from helios_client.sdk import Helios
 from helios_client.supervision import state_file
 from helios_core.errors import Unavailable
 
-from tests.support import free_port
+from tests.gateway_process import served
+from tests.support import free_port, wait_until
 
 STATUS = {"ready": True, "services": []}
 
@@ -92,3 +94,20 @@ def test_status_comes_from_the_file_while_the_gateway_is_unreachable(tmp_path: P
         state_file.remove([tmp_path])
         with pytest.raises(Unavailable, match="helios up"):
             find_status(nobody, port, tmp_path)
+
+
+def test_the_gateway_says_whether_a_task_can_be_done_and_the_file_lists_the_processes(
+    tmp_path: Path,
+) -> None:
+    with served() as gateway, Helios(gateway.url) as helios:
+
+        def found() -> Status:
+            return find_status(helios, gateway.port, tmp_path)
+
+        for processes_run in (True, False):
+            state_file.write([tmp_path], STATUS | {"ready": processes_run})
+            wait_until(lambda: found()["ready"], 60, "the gateway is ready")
+            assert found()["services"] == []
+        helios.stop_robot("a child")
+        wait_until(lambda: not found()["ready"], 60, "it is stopped, so not ready")
+        assert found()["stopped"]
