@@ -106,7 +106,7 @@ def contract(domain: int, *pytest_args: str, settings: Mapping[str, str]) -> str
     """Run the contract suite on the driver. Returns its output; fails if a test fails."""
     args = ("--forward-m", "0.3", "--", *pytest_args)
     patient = {f"HELIOS_ROS2_{name.upper()}": str(value) for name, value in PATIENT.items()}
-    everything = patient | dict(settings)
-    done = in_ros(domain, "helios_contract", "ros2", *args, timeout_s=800, settings=everything)
+    chosen = patient | dict(settings)
+    done = in_ros(domain, "helios_contract", "ros2", *args, timeout_s=800, settings=chosen)
     assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
     return done.stdout

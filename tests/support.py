@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import importlib
 import itertools
 import os
@@ -11,7 +10,7 @@ import re
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import httpx
@@ -26,17 +25,13 @@ LOOPBACK = httpx.Client(
 FIRST_PORT, PORTS = 10_000, 1_000  # below the ports that the system hands out
 
 
-@functools.cache
-def _ports() -> Iterator[int]:
-    """Ports of this test process, in a circle; parallel processes have others."""
-    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-    first, start = FIRST_PORT + worker * PORTS, os.getpid() % PORTS
-    return itertools.cycle(first + (start + i) % PORTS for i in range(PORTS))
+_first = FIRST_PORT + PORTS * int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+_ports = itertools.cycle(_first + (os.getpid() + i) % PORTS for i in range(PORTS))
 
 
 def free_port() -> int:
-    """Return a TCP port on loopback that is free now and that nobody else is given meanwhile."""
-    for port in itertools.islice(_ports(), PORTS):
+    """Return a free TCP port on loopback. Parallel test processes get others."""
+    for port in itertools.islice(_ports, PORTS):
         with socket.socket() as s, contextlib.suppress(OSError):
             s.bind(("127.0.0.1", port))
             return port
@@ -56,14 +51,15 @@ def read_to_the_end(lines: Iterable[object]) -> threading.Event:
     return over
 
 
-POLL_S = 1.0
+LONGEST_POLL_S = 1.0
 ENDS_WITHIN_S = 30.0  # limit for a process to stop; beyond it, it hangs, also on a busy machine
 
 
 def wait_until(condition: Callable[[], object], timeout_s: float, what: str) -> None:
     """Poll until the condition holds; fail after the deadline with the text `what`.
 
-    A process that was paused does not lose its time: each poll counts as at most `POLL_S`.
+    A process that was paused does not lose its time: each poll counts as at most
+    `LONGEST_POLL_S`.
     """
     left_s, last_s = timeout_s, time.monotonic()
     while not condition():
@@ -71,7 +67,7 @@ def wait_until(condition: Callable[[], object], timeout_s: float, what: str) -> 
             raise AssertionError(f"waited {timeout_s:g} s in vain until {what}")
         time.sleep(0.02)
         now_s = time.monotonic()
-        left_s -= min(now_s - last_s, POLL_S)
+        left_s -= min(now_s - last_s, LONGEST_POLL_S)
         last_s = now_s
 
 

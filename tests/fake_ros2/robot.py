@@ -51,6 +51,7 @@ class FakeRobot:
         self.x = self.y = self.yaw = 0.0
         self.v = self.w = self._command_s = 0.0
         self.tilt = self._tilt_goal = TILT_RAD
+        # stamp of the newest motion step, and x, y, yaw and tilt then
         self._seen_from = (self.now_ns(self._began_s), (0.0, 0.0, 0.0, TILT_RAD))
         self._drawn: Any = None
         self.group = ReentrantCallbackGroup()
