@@ -24,4 +24,3 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_default_options = {"members": True, "undoc-members": True, "show-inheritance": False}
 autodoc_class_signature = "separated"
-exclude_patterns = ["images/README.md"]

@@ -6,7 +6,8 @@ for name in chromium chromium-browser google-chrome; do
 done
 if [ "$(uname)" = Linux ] && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
   echo "installing chromium, in which the dashboard is tested"
-  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium
+  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium ||
+    echo "Chromium could not be installed; the dashboard's tests are skipped" >&2
 else
   echo "The dashboard is tested in Chromium, which is missing: sudo apt-get install chromium" >&2
 fi

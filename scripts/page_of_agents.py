@@ -63,7 +63,8 @@ SAYS = {  # what a setting decides, in a few words
 
 # Agents that act on each detection, and what they use of the rules when they pick and place.
 TRUSTING = ("trusting", "homerobot-heuristic", "random-frontier", "vlfm", "vlfm-unfiltered")
-THEIRS = ("rounds", "rounds_held", "place_rule", "goal_seen_before_pick")
+THEIRS = ("rounds", "rounds_held", "place_rule")
+NOT_THE_HEURISTICS = "goal_seen_before_pick"  # all others of them use it
 
 
 def tables() -> str:
@@ -101,8 +102,8 @@ def _legend(presets: Mapping[str, list[str]]) -> str:
     lines += [
         f"- Column *{OWN}* holds for agents of other packages.",
         f"- {', '.join(map(code, TRUSTING))} act on each detection, without a score. Of the first "
-        f"table they use {', '.join(map(code, THEIRS))} alone when they pick and place; – marks "
-        "the others.\n",
+        f"table they use {', '.join(map(code, THEIRS))} alone when they pick and place, and all "
+        f"but `homerobot-heuristic` {code(NOT_THE_HEURISTICS)}; – marks the others.\n",
     ]
     return "\n".join(lines)
 

@@ -312,7 +312,7 @@ def _answers(found: Sequence[Arm]) -> str:
                 verdict.partition(":")[0],
             ]
         )
-    return table(["", "first, %", "second, %", "difference", "ratio", "homes", "so"], rows)
+    return table(["", "first, %", "second, %", "difference", "ratio", "homes", "verdict"], rows)
 
 
 def relations() -> str:
@@ -332,7 +332,7 @@ def relations() -> str:
                 verdict.text,
             ]
         )
-    return table(["ratio of", "paper", "ours", "homes", "so"], rows)
+    return table(["ratio of", "paper", "ours", "homes", "verdict"], rows)
 
 
 def _complete() -> list[Arm]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_gateway.api_keys import ApiKeys
 from helios_gateway.service import Gateway, bind
 from helios_gateway.settings import Settings
 
@@ -41,11 +42,13 @@ def served(*flags: str, port: int = 0, backend: Backend | None = None) -> Iterat
     else:
         hub = backend.hub
     listener = bind("127.0.0.1", port)
+    settings = Settings.load([*QUICK, *flags])
     gateway = Gateway(
         MemoryBus(hub),
         Health(),
-        Settings.load([*QUICK, *flags]),
+        settings,
         listener,
+        ApiKeys(settings.keys),
         lambda name: MemoryBus(hub, name),
     )
     try:

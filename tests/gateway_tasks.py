@@ -30,6 +30,7 @@ class MadeUpTasks:
         self.calls: list[str] = []
         self.tasks: dict[str, pb.Task] = {}
         self.decided: list[pb.Decision] = []
+        self.unused: list[str] = []  # words of each instruction without effect
         self.reserved = ""  # the reason why no task starts now
 
     def serve_tasks(self) -> None:
@@ -82,7 +83,7 @@ class MadeUpTasks:
             state="queued", kind="move", object="mug", start="coffee table", goal="kitchen counter",
             created_s=1.8e9 + len(self.tasks), max_steps=request.max_steps or 500,
             agent=request.agent or "helios", priority=request.priority, settings=request.settings,
-            time_limit_s=request.time_limit_s, on_hold=request.on_hold,
+            time_limit_s=request.time_limit_s, on_hold=request.on_hold, unused=self.unused,
         )  # fmt: skip
         if kind := moves.get(words[0]):
             task.kind, task.object, task.start, task.goal = kind, "", "", ""

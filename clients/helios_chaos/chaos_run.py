@@ -68,7 +68,6 @@ def run_chaos(plan: ChaosPlan, able: Abilities, say: Say) -> ChaosResult:
         result.skipped = {k: why for k, why in able.skipped.items() if k in plan.kinds}
         ids = [task.id for task in result.tasks]
         result.journal_faults = journal_faults(stack.state_dir, ids)
-    plan.json_path.parent.mkdir(parents=True, exist_ok=True)
     write_file(plan.json_path, json.dumps(result.as_json(), indent=1) + "\n")
     return result
 

@@ -15,6 +15,7 @@ from helios_eval.provenance import commit, machine
 
 from helios_chaos.figures import percentiles
 from helios_chaos.resources import ResourceLog, Sample, growth, slope_per_h
+from helios_chaos.soak_plot import plot
 from helios_chaos.stack import Stack, StackPlan, open_bus, running_stack
 from helios_chaos.tasks import PlayedTask, TaskPlayer
 
@@ -82,7 +83,6 @@ class SoakResult:
 
 def run_soak(hours: float, seed: int, out: Path, say: Say) -> SoakResult:
     """Run a soak; write `soak.csv`, `soak.json` and `soak.png` to `out`."""
-    out.mkdir(parents=True, exist_ok=True)
     with running_stack(StackPlan(out, seed)) as (stack, _):
         say("starting HELIOS in a simulated home")
         stack.wait_ready()
@@ -96,10 +96,8 @@ def run_soak(hours: float, seed: int, out: Path, say: Say) -> SoakResult:
         max((s.state_mb for s in samples), default=0.0),
         tasks,
     )
-    from helios_chaos.soak_plot import plot  # needs the extra `eval`
-
-    plot(samples, out / "soak.png")
     write_file(out / "soak.json", json.dumps(result.as_json(), indent=1) + "\n")
+    plot(samples, out / "soak.png")
     return result
 
 

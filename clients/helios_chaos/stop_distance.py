@@ -119,7 +119,6 @@ def run_stop_distance(
             witness.close()
             helios.close()
             bus.close()
-    json_path.parent.mkdir(parents=True, exist_ok=True)
     write_file(json_path, json.dumps(result.as_json(), indent=1) + "\n")
     return result
 

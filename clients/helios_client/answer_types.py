@@ -4,19 +4,31 @@ that a class does not declare."""
 from __future__ import annotations
 
 import base64
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Self, TypedDict
+from typing import Any, ClassVar, Self, TypedDict
 
 from helios_core.task_states import ENDED
 
 
+def check_keys(raw: Mapping[str, Any], wanted: Iterable[str]) -> None:
+    """Raise KeyError if an answer lacks one of these keys, and AttributeError if it is no JSON
+    object."""
+    if missing := sorted(set(wanted) - raw.keys()):
+        raise KeyError(", ".join(missing))
+
+
 @dataclass(frozen=True)
 class _FromJson:
+    REQUIRED: ClassVar[tuple[str, ...]] = ()  # fields that every version gives
+
     raw: dict[str, Any] = field(default_factory=dict, repr=False, kw_only=True)
 
     @classmethod
     def from_json(cls, raw: dict[str, Any]) -> Self:
-        """Instance from one JSON object; a missing field has its default."""
+        """Instance from one JSON object; a missing field has its default. Raises KeyError if one of
+        `REQUIRED` is missing."""
+        check_keys(raw, cls.REQUIRED)
         known = {f.name for f in fields(cls)} - {"raw"}
         values = {k: v for k, v in raw.items() if k in known and v is not None}
         return cls(**values, raw=raw)
@@ -39,6 +51,8 @@ class _WithEnd:
 @dataclass(frozen=True)
 class Task(_WithEnd, _FromJson):
     """A task and its progress. Times are seconds since 1970."""
+
+    REQUIRED = ("id", "state")
 
     id: str = ""
     instruction: str = ""
@@ -77,6 +91,8 @@ class Task(_WithEnd, _FromJson):
 class FleetTask(_WithEnd, _FromJson):
     """A task of the fleet. Times are seconds since 1970."""
 
+    REQUIRED = ("id", "state")
+
     id: str = ""  # its id in the fleet
     instruction: str = ""
     state: str = ""  # as of a task; queued also until its robot has begun it
@@ -87,6 +103,7 @@ class FleetTask(_WithEnd, _FromJson):
     begun: bool = False  # the robot has been told to start; the task stays with it
     why: str = ""  # why this robot was chosen
     priority: int = 0  # tasks with a higher value get a robot first
+    unused: list[str] = field(default_factory=list)  # words of the instruction without effect
     returned: int = 0  # times that a robot gave it back
     refused: dict[str, str] = field(default_factory=dict)  # reasons of robots that cannot do it
     created_s: float = 0.0
@@ -114,6 +131,8 @@ class Decision(_FromJson):
 class Trace(_FromJson):
     """Spans of one task, and what each service contributed."""
 
+    REQUIRED = ("spans", "sources")
+
     task_id: str = ""
     trace_id: str = ""
     spans: list[dict[str, Any]] = field(default_factory=list)
@@ -123,6 +142,8 @@ class Trace(_FromJson):
 @dataclass(frozen=True)
 class Fault(_FromJson):
     """A fault of a service, of the robot or of a task. Times are seconds since 1970."""
+
+    REQUIRED = ("id", "state")
 
     id: str = ""
     source: str = ""  # service, robot or task
@@ -171,6 +192,8 @@ class FaultList(_FromJson):
 @dataclass(frozen=True)
 class FoundObject(_FromJson):
     """One instance of the object map; lengths in metres, world frame, z up."""
+
+    REQUIRED = ("id", "class")
 
     id: int = 0
     class_name: str = ""
@@ -235,6 +258,8 @@ class SeenView(_FromJson):
 @dataclass(frozen=True)
 class Seen(_FromJson):
     """Places where something was seen."""
+
+    REQUIRED = ("objects", "views")
 
     prompt: str = ""
     objects: tuple[FoundObject, ...] = ()  # of a class that the prompt names, highest score first

@@ -125,7 +125,9 @@ def _tell(error: Exception) -> int:
     """
     format_message = getattr(error, "format_message", None)
     if format_message is not None:  # an error of the command-line parser
-        sentence = format_message().rstrip(".")
+        from helios_core.printable_text import plain_error
+
+        sentence = plain_error(format_message()).rstrip(".")
         if sentence.startswith("Usage:"):  # a group without a command
             print(sentence, file=sys.stderr)
         elif sentence:

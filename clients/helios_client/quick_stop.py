@@ -1,8 +1,8 @@
 """`helios stop` without slow imports. Imports only the standard library.
 
 It does the same as the command in `commands.robot` if all goes well. In any other case (help, wrong
-use, no gateway, a refusal) it returns None; that command then stops the robot and reports the
-error. A second stop does no harm.
+use, no gateway, a refusal, no confirmation) it returns None; that command then stops the robot and
+reports the error. A second stop does no harm.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def quick_stop(args: Sequence[str]) -> int | None:
     try:
         text = _ask(given, os.environ)
         print(text, flush=True)
-    except (OSError, ValueError, ImportError, http.client.HTTPException):
+    except (OSError, ValueError, LookupError, TypeError, ImportError, http.client.HTTPException):
         return None
     return 0
 
@@ -68,8 +68,8 @@ def options(args: Sequence[str], environment: Mapping[str, str]) -> dict[str, st
 
 
 def _ask(given: Mapping[str, str], environment: Mapping[str, str]) -> str:
-    """Send the stop request and return the text to print. Raises OSError, ValueError or
-    HTTPException on any failure."""
+    """Send the stop request and return the text to print. Raises OSError, ValueError, LookupError,
+    TypeError or HTTPException on any failure, also if the answer does not confirm the stop."""
     import json
     from urllib.parse import quote
 
@@ -96,6 +96,8 @@ def _ask(given: Mapping[str, str], environment: Mapping[str, str]) -> str:
         connection.close()
     if not 200 <= response.status < 300:
         raise ValueError("refused")
+    if answer["state"]["stopped"] is not True:
+        raise ValueError("not confirmed")
     return json.dumps(answer, indent=1) if "--json" in given else SENTENCE
 
 

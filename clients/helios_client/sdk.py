@@ -321,9 +321,10 @@ class Helios:
         return self._do(requests.robot_checks(restart))
 
     # --- services and events ------------------------------------------------------------------
-    def status(self) -> Status:
-        """Health of every service, and readiness for a new task."""
-        return self._do(requests.status())
+    def status(self, robot: str | None = None) -> Status:
+        """Health of every service, and readiness for a new task. `robot`: name of another robot of
+        the gateway."""
+        return self._do(requests.status(robot))
 
     def settings(self, service: str) -> dict[str, Any]:
         """Settings of a running service, by name."""

@@ -322,9 +322,10 @@ class AsyncHelios:
         return await self._do(requests.robot_checks(restart))
 
     # --- services and events ------------------------------------------------------------------
-    async def status(self) -> Status:
-        """Health of every service, and readiness for a new task."""
-        return await self._do(requests.status())
+    async def status(self, robot: str | None = None) -> Status:
+        """Health of every service, and readiness for a new task. `robot`: name of another robot of
+        the gateway."""
+        return await self._do(requests.status(robot))
 
     async def settings(self, service: str) -> dict[str, Any]:
         """Settings of a running service, by name."""

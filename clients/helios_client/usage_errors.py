@@ -1,7 +1,8 @@
-"""Wrong use of the command line: its error type, and a check of output files."""
+"""Wrong use of the command line: its error type, and checks of numbers and output files."""
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 
@@ -13,16 +14,28 @@ class UsageError(HeliosError):
     """Wrong use of a command: exit status 2."""
 
 
+def check_finite(option: str, value: float | None) -> None:
+    """Raise UsageError if the value of an option is infinite or not a number; None: not given."""
+    if value is not None and not math.isfinite(value):
+        raise UsageError(f"{option} is {value}; wanted a finite number")
+
+
+def check_folder(folder: Path) -> None:
+    """Make a folder that a long run writes to. Raises UsageError if it cannot be made or written
+    to."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(
+            f"the folder {folder} cannot be made: {error.strerror}; choose another"
+        ) from error
+    if not os.access(folder, os.W_OK):
+        raise UsageError(f"you may not write to the folder {folder}; choose another")
+
+
 def check_writable(path: Path) -> None:
     """Make the folder of a file that a long run writes at its end. Raises UsageError if the file
     cannot be written."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(
-            f"the folder {path.parent} cannot be made: {error.strerror}; choose another"
-        ) from error
+    check_folder(path.parent)
     if why := unwritable_reason(path):
         raise UsageError(why)
-    if not os.access(path.parent, os.W_OK):
-        raise UsageError(f"you may not write to the folder {path.parent}; choose another")

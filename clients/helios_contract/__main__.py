@@ -99,7 +99,7 @@ def _parser() -> argparse.ArgumentParser:
 def _choose(args: argparse.Namespace) -> str:
     """Prepare the chosen tests. Returns the name of their file. Raises HeliosError."""
     options, pictures = DetectorOptions(), tuple(_picture(path) for path in args.image)
-    if args.detector:
+    if args.detector is not None:
         names = tuple(name.strip() for name in args.classes.split(",") if name.strip())
         command_line_choice.detector = DetectorBench(
             lambda: open_detector(args.detector, options),
@@ -109,13 +109,13 @@ def _choose(args: argparse.Namespace) -> str:
         )
         _ = command_line_choice.detector.detector  # a loading error is no failed test
         return "chosen_detector.py"
-    if args.scorer:
+    if args.scorer is not None:
         command_line_choice.scorer = ScorerBench(
             lambda: open_scorer(args.scorer, options), pictures, not args.random
         )
         _ = command_line_choice.scorer.scorer
         return "chosen_scorer.py"
-    settings = Settings(driver=args.driver, address=args.address)
+    settings = Settings.read(driver=args.driver, address=args.address)
 
     def start() -> closing[RobotDriver]:
         return closing(load_driver(settings, MemoryBus(MemoryHub())))

@@ -147,7 +147,7 @@ def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
     """Run one demo; return the content of `result.json`. Raises HeliosError."""
     check_port(port, OTHER_PORT)
     check_writable(out / "up.log")
-    log, router_port = out / "up.log", free_port()
+    log, router_port = out / "up.log", free_port(apart_from=port)
     arguments = [
         "--robot", "sim", "--seed", str(seed), "--preset", preset, "--port", str(port),
         "--router-port", str(router_port), "--state", str(out / "state"),
@@ -184,11 +184,19 @@ def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
     return result
 
 
+def port_number(text: str) -> int:
+    """Port of a command line. Raises ValueError, and ArgumentTypeError outside 1 to 65535."""
+    port = int(text)
+    if not 0 < port < 65536:
+        raise argparse.ArgumentTypeError(f"{port} is no port; wanted 1 to 65535")
+    return port
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="helios-demo", description=__doc__)
     parser.add_argument("--seed", type=int, default=0, help="seed of the home")
     parser.add_argument("--preset", default="demo-v1", help="preset of home and detector noise")
-    parser.add_argument("--port", type=int, default=8080, help="port of the HTTP interface")
+    parser.add_argument("--port", type=port_number, default=8080, help="port of the HTTP interface")
     parser.add_argument(
         "--out", type=Path, default=Path("runs/demo"), help="folder for the results"
     )

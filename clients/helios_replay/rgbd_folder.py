@@ -77,12 +77,7 @@ def read_dataset(folder: Path) -> Dataset:
 
     Raises InvalidInput, which names the file, for missing or invalid data.
     """
-    if not folder.is_dir():
-        raise InvalidInput(
-            f"there is no data set at {folder}; give a recording (.mcap), a ROS bag, or a folder "
-            "with meta.json, poses.csv and frames/, or with groundtruth.txt, rgb/ and depth/"
-        )
-    meta = _read_meta(folder / "meta.json")
+    meta = _read_meta(folder)
     camera = Pinhole(
         *(_number(meta, key, folder) for key in ("fx", "fy", "cx", "cy")),
         width=int(_number(meta, "width", folder)),
@@ -118,9 +113,15 @@ def read_image(dataset: Dataset, index: int) -> tuple[NDArray[np.uint8], NDArray
     return rgb, depth.astype(np.float32) * np.float32(dataset.depth_scale_m)
 
 
-def _read_meta(path: Path) -> dict[str, Any]:
+def _read_meta(folder: Path) -> dict[str, Any]:
+    path = folder / "meta.json"
     try:
         meta = json.loads(path.read_text())
+    except (FileNotFoundError, NotADirectoryError):
+        raise InvalidInput(
+            f"there is no data set at {folder}; give a recording (.mcap), a ROS bag, or a folder "
+            "with meta.json, poses.csv and frames/, or with groundtruth.txt, rgb/ and depth/"
+        ) from None
     except OSError as error:
         raise InvalidInput(f"{path} cannot be read: {error.strerror}") from error
     except (ValueError, RecursionError) as error:

@@ -5,12 +5,10 @@ The driver (in the bridge) and the output process `python -m helios_ros2` share 
 
 from __future__ import annotations
 
-import tomllib
 from typing import Any, Literal, Self
 
-from helios_core.errors import InvalidInput
 from helios_core.settings import ServiceSettings, service_config
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, model_validator
 
 
 class UserAction(BaseModel, frozen=True, extra="forbid"):
@@ -209,14 +207,3 @@ class Ros2Settings(ServiceSettings):
         if (self.show is None) != (self.show_base_m is None):
             raise ValueError("show and show_base_m belong together; give both or neither")
         return self
-
-    @classmethod
-    def read(cls) -> Self:
-        """From the environment and the file. Raises InvalidInput that names the setting."""
-        try:
-            return cls()
-        except ValidationError as error:
-            wrong = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
-            raise InvalidInput(f"wrong setting of ROS 2: {wrong}") from None
-        except (OSError, tomllib.TOMLDecodeError) as error:
-            raise InvalidInput(f"cannot read the settings of ROS 2: {error}") from None

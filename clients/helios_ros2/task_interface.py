@@ -274,11 +274,15 @@ def submit_request(text: str) -> pb.SubmitRequest:
         return pb.SubmitRequest(instruction=text.strip())
     try:
         fields = json.loads(text)
-        return pb.SubmitRequest(**fields)
+        settings = fields.pop("settings", {})
+        if not isinstance(settings, dict):
+            raise ValueError(f"settings is {settings!r:.80}, wanted names with values")
+        own = {name: str(value) for name, value in settings.items()}
+        return pb.SubmitRequest(**fields, settings=own)
     except (ValueError, TypeError) as error:
         raise InvalidInput(
             f"this is no task: {error}; send an instruction, or JSON with instruction, max_steps, "
-            "agent, time_limit_s, priority"
+            "agent, time_limit_s, priority, settings"
         ) from error
 
 

@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 
-import cv2
 import numpy as np
 from helios_core.geometry import wrap_angle, yaw_of
 from helios_core.robot import Action, ActionResult, Forward, Pick, Place, Tilt, Turn
@@ -74,12 +73,6 @@ class GroundTruthSolver:
     def approach(self, name: str) -> bool:
         """Drive to an object or receptacle and face it; return True on success."""
         return next(self._approaches(name), False)
-
-    def go_to_most_room(self) -> bool:
-        """Drive to the cell with the largest clearance."""
-        room = cv2.distanceTransform(self._free.astype(np.uint8), cv2.DIST_L2, 5)
-        row, column = np.unravel_index(int(np.argmax(room)), room.shape)
-        return self._go((int(row), int(column)))
 
     def go_near(self, point_xy_m: tuple[float, float]) -> bool:
         """Drive to the free cell nearest to a point."""

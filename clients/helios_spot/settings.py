@@ -5,13 +5,12 @@ The name and the password are never flags: other users of the machine could read
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 from helios_core.errors import InvalidInput
 from helios_core.settings import ServiceSettings, service_config
-from pydantic import Field, SecretStr, ValidationError
+from pydantic import Field, SecretStr
 
 
 class SpotSettings(ServiceSettings):
@@ -117,18 +116,12 @@ class SpotSettings(ServiceSettings):
     )
 
     @classmethod
-    def read(cls, host: str = "") -> Self:
-        """From the environment and the file; `host` goes before both.
+    def read(cls, host: str = "", **given: Any) -> Self:
+        """From the environment and the file; `host`, unless empty, and `given` go before both.
 
         Raises InvalidInput, naming the setting but never its value.
         """
-        try:
-            settings = cls(host=host) if host else cls()
-        except ValidationError as error:
-            wrong = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
-            raise InvalidInput(f"wrong setting of Spot: {wrong}") from None
-        except (OSError, tomllib.TOMLDecodeError) as error:
-            raise InvalidInput(f"cannot read the settings of Spot: {error}") from None
+        settings = super().read(**({"host": host} if host else {}), **given)
         if settings.estop == "endpoint" and settings.power == "expect":
             raise InvalidInput(
                 "estop = endpoint is set up while the motors are off, and power = expect wants "

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 import numpy as np
 import rerun as rr
+from helios_core.atomic_file import replacing, unwritable_reason
 from helios_core.errors import InvalidInput
 from helios_core.viewing.entry import Entry
 
@@ -54,16 +57,25 @@ def new_stream() -> rr.RecordingStream:
     return stream
 
 
-def file_sink(path: Path, name: str) -> RerunSink:
-    """Sink into an .rrd file. Raises InvalidInput if it cannot be written."""
+@contextmanager
+def file_sink(path: Path, name: str) -> Iterator[RerunSink]:
+    """Sink into an .rrd file, which replaces an older one when the block ends without an error.
+
+    Devices and pipes are written directly. Raises InvalidInput if the file cannot be written.
+    """
     stream = new_stream()
-    try:
-        stream.save(path)
-    except (OSError, RuntimeError) as error:
-        raise InvalidInput(
-            f"{path} cannot be written ({error}); name another file with --save"
-        ) from error
-    return RerunSink(stream, name)
+    with ExitStack() as opened:
+        try:
+            if why := unwritable_reason(path):
+                raise InvalidInput(why)
+            is_special = path.exists() and not path.is_file()
+            stream.save(path if is_special else opened.enter_context(replacing(path)))
+        except (OSError, RuntimeError) as error:
+            why = error.strerror if isinstance(error, OSError) else error
+            raise InvalidInput(
+                f"{path} cannot be written ({why}); name another file with --save"
+            ) from error
+        yield opened.enter_context(closing(RerunSink(stream, name)))
 
 
 def server_sink(url: str, name: str) -> RerunSink:

@@ -62,11 +62,11 @@ def _view_robot(
 ) -> None:
     from helios_viewers.live_source import LiveSource
 
+    assert options.router is not None
+    bus = opened.enter_context(closing(ZenohBus(options.router, options.robot)))
     sinks = _rerun_sinks(options, stopping, say, opened)
     if options.foxglove_port is not None:
         sinks.append(_foxglove(options, options.foxglove_port, CHANNELS, None, say, opened))
-    assert options.router is not None
-    bus = ZenohBus(options.router, options.robot)
     source = opened.enter_context(closing(LiveSource(bus)))
     say("showing the running robot; Ctrl-C ends it")
     for log_time_ns, entry in source.until(stopping):
@@ -137,7 +137,7 @@ def _rerun_sinks(
         raise missing_extra("rerun", error) from error
     out: list[Sink] = []
     if options.save is not None:
-        out.append(opened.enter_context(closing(file_sink(options.save, options.name))))
+        out.append(opened.enter_context(file_sink(options.save, options.name)))
         say(f"Rerun: saving {options.save}")
     if options.rerun_port is not None:
         server = RerunServer(options.rerun_port, options.web_port, stopping)

@@ -11,12 +11,11 @@ from collections.abc import Sequence
 from helios_core.bus import Bus
 from helios_core.errors import DeadlineExceeded, HeliosError, InvalidInput, Unavailable
 from helios_core.health import Health
-from helios_core.robot import RobotDriver
 from helios_core.service_process import Service, run_service
 
 from helios_bridge.driver_executor import DriverExecutor
 from helios_bridge.driver_loading import load_driver
-from helios_bridge.service import END_WITHIN_S, BridgeService
+from helios_bridge.service import END_WITHIN_S, BridgeService, close_driver
 from helios_bridge.settings import Settings
 
 log = logging.getLogger(__name__)
@@ -34,17 +33,19 @@ class RobotHost:
         self._ending = threading.Event()
         self._executor = executor
         self._service: BridgeService | None = None
-        driver = load_driver(settings, bus)  # wrong settings end the process here
-        executor.start("connect", lambda: self._connect(bus, driver, settings, health))
+        self._driver = load_driver(settings, bus)  # wrong settings end the process here
+        executor.start("connect", lambda: self._connect(bus, settings, health))
 
-    def _connect(self, bus: Bus, driver: RobotDriver, settings: Settings, health: Health) -> None:
+    def _connect(self, bus: Bus, settings: Settings, health: Health) -> None:
         """Create the service, again and again until the robot answers as it should. Only invalid
         input ends the attempts: it would stay."""
         pause_s = FIRST_PAUSE_S
         while not self._ending.is_set():
             again = f"the bridge tries again in {pause_s:g} s"
             try:
-                service = BridgeService(bus, driver, settings, health, executor=self._executor)
+                service = BridgeService(
+                    bus, self._driver, settings, health, executor=self._executor
+                )
             except InvalidInput as error:
                 health.degraded(error.message)
                 return
@@ -73,6 +74,8 @@ class RobotHost:
             self._executor.wait(END_WITHIN_S)
         if self._service is not None:
             self._service.close()
+        else:
+            close_driver(self._driver, self._executor)
         if hanging := self._executor.wait(0.0):
             log.error("abandoned, because they do not return: %s", ", ".join(hanging))
 

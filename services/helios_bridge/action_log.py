@@ -25,8 +25,8 @@ class ActionLog:
     def once(self, action_id: str, do: Callable[[], pb.ActionResult]) -> pb.ActionResult:
         """Result of `do`, which is called only if the id is new.
 
-        A second caller waits for the first. An action that raises is not stored: it was not
-        executed.
+        A second caller waits for the first. An action that raises is not stored and may be
+        requested again; `robot_result` then does not repeat one that the robot has done.
         """
         mine: Future[pb.ActionResult] = Future()
         with self._lock:

@@ -1,7 +1,8 @@
 """Guard around a driver: turns its faults into messages that name driver, method and fault.
 
-A driver is external code. Its typed errors pass. Every other exception, and every return value of a
-wrong type, becomes a `DriverFault`; the traceback goes to the log.
+A driver is external code. Its typed errors pass. Every other exception, every return value of a
+wrong type and every state with an impossible pose becomes a `DriverFault`; the traceback goes to
+the log.
 """
 
 from __future__ import annotations
@@ -11,8 +12,13 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from helios_core.codec import description_to_proto, result_to_proto, state_to_proto
-from helios_core.errors import HeliosError, Internal
+from helios_core.codec import (
+    description_to_proto,
+    result_to_proto,
+    state_from_proto,
+    state_to_proto,
+)
+from helios_core.errors import HeliosError, Internal, InvalidInput
 from helios_core.robot import Action, ActionResult, Capture, EndOfRecording, RobotDriver
 from helios_core.types import RobotDescription, RobotState
 
@@ -41,7 +47,7 @@ class GuardedDriver(RobotDriver):
         self.name = f"{kind.__module__}:{kind.__qualname__}"
         self._driver, self._health = driver, health
         self._lock = threading.Lock()
-        self._logged: dict[str, str] = {}  # method -> its last fault
+        self._logged: dict[str, str] = {}  # method -> kind of its last fault
 
     def describe(self) -> RobotDescription:
         return self._call(
@@ -49,7 +55,7 @@ class GuardedDriver(RobotDriver):
         )
 
     def state(self) -> RobotState:
-        return self._call("state", "state()", self._driver.state, RobotState, state_to_proto)
+        return self._call("state", "state()", self._driver.state, RobotState, _check_state)
 
     def capture(self) -> Capture:
         return self._call("capture", "capture()", self._driver.capture, Capture)
@@ -119,7 +125,8 @@ class GuardedDriver(RobotDriver):
         wanted: type[R] | None = None,
         encode: Callable[[R], object] | None = None,
     ) -> R:
-        """Return value of a driver method. `encode` raises if a field has a wrong type.
+        """Return value of a driver method. `encode` raises if a field has a wrong type, and
+        InvalidInput if it has a wrong value.
 
         Raises DriverFault, and the driver's own HeliosError and EndOfRecording.
         """
@@ -139,6 +146,9 @@ class GuardedDriver(RobotDriver):
         if encode is not None:
             try:
                 encode(out)
+            except InvalidInput as error:
+                said = f"the driver {self.name} returned {_a(type(out))} from {shown}, in which "
+                raise self._fault(method, f"{said}{error.message}", kind=said) from error
             except Exception as error:
                 said = (
                     f"the driver {self.name} returned {_a(type(out))} from {shown} with a "
@@ -148,10 +158,15 @@ class GuardedDriver(RobotDriver):
         self._works(method)
         return out
 
-    def _fault(self, method: str, said: str, error: BaseException | None = None) -> DriverFault:
+    def _fault(
+        self, method: str, said: str, error: BaseException | None = None, kind: str = ""
+    ) -> DriverFault:
+        """Report a fault. kind: what stays the same in `said` while the fault lasts; the default
+        is all of it."""
+        kind = kind or said
         with self._lock:
-            is_new = self._logged.get(method) != said
-            self._logged[method] = said
+            is_new = self._logged.get(method) != kind
+            self._logged[method] = kind
         if is_new:  # log once: a camera may fail many times a second
             log.error("%s", said, exc_info=error)
         self._health.driver_fails(method, said)
@@ -162,6 +177,11 @@ class GuardedDriver(RobotDriver):
             failed = self._logged.pop(method, None) is not None
         if failed:
             self._health.driver_works(method)
+
+
+def _check_state(state: RobotState) -> None:
+    """Raises for a state that no message holds, and InvalidInput for a pose that is not rigid."""
+    state_from_proto(state_to_proto(state))
 
 
 def _a(kind: type) -> str:

@@ -86,6 +86,16 @@ NOT_CHECKED = (
 )
 
 
+def close_driver(driver: RobotDriver, executor: DriverExecutor) -> list[str]:
+    """Close a driver in a thread of its own. Returns the names of the executor's threads that hang
+    after CLOSE_WITHIN_S."""
+    letting_go = executor.begin("close", driver.close)
+    hanging = executor.wait(CLOSE_WITHIN_S)
+    if letting_go.done() and (error := letting_go.exception()) is not None:
+        log.error("the driver could not let go of the robot: %s", error)
+    return hanging
+
+
 class BridgeService:
     """Bus interface to one driver: see the module."""
 
@@ -259,11 +269,7 @@ class BridgeService:
         self._ending.set()
         self._acks.end()
         self._executor.wait(END_WITHIN_S)
-        letting_go = self._executor.begin("close", self._driver.close)
-        hanging = self._executor.wait(CLOSE_WITHIN_S)
-        if letting_go.done() and (error := letting_go.exception()) is not None:
-            log.error("the driver could not let go of the robot: %s", error)
-        return hanging
+        return close_driver(self._driver, self._executor)
 
     def _new_push_queue(self, driver: RobotDriver) -> PushedFrameQueue | None:
         """Queue of pushed frames; None for a driver with its own camera."""

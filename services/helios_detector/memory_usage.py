@@ -44,7 +44,8 @@ def accelerator_mb(device: str) -> float | None:
 
 
 def weights_mb(source: str, number_bytes: int = 4) -> float:
-    """Memory (MB) for the weights of a folder or of a cached model id; 0 if they are missing.
+    """Memory (MB) for the weights of a folder or of a cached model id; 0 if they are missing or
+    cannot be read, as loading them raises the error.
 
     `number_bytes` is the size of one weight once loaded; files may store another precision.
     """
@@ -59,7 +60,7 @@ def weights_mb(source: str, number_bytes: int = 4) -> float:
     files = list(folder.glob("*.safetensors"))
     if files:
         return sum(_loaded_bytes(f, number_bytes) for f in files) / MB
-    return sum(f.stat().st_size for f in folder.glob("*.bin")) / MB
+    return sum(map(_file_bytes, folder.glob("*.bin"))) / MB
 
 
 def _loaded_bytes(file: Path, number_bytes: int) -> int:
@@ -75,8 +76,15 @@ def _loaded_bytes(file: Path, number_bytes: int) -> int:
             else a["data_offsets"][1] - a["data_offsets"][0]
             for a in arrays
         )
-    except (ValueError, KeyError, TypeError, AttributeError):
-        return file.stat().st_size  # damaged file: loading it raises the error
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return _file_bytes(file)  # damaged file: loading it raises the error
+
+
+def _file_bytes(file: Path) -> int:
+    try:
+        return file.stat().st_size
+    except OSError:
+        return 0
 
 
 def _proc_mb(path: str, key: str) -> float | None:

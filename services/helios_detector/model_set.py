@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 
 from helios_core.errors import HeliosError, Unavailable
@@ -20,6 +21,8 @@ log = logging.getLogger(__name__)
 
 LONGEST_RETRY_S = 60.0
 
+Backend = DetectorBackend | ScorerBackend | DepthBackend
+
 
 @dataclass(frozen=True)
 class Models:
@@ -30,7 +33,7 @@ class Models:
     depth: DepthBackend | None = None
 
     @property
-    def all(self) -> tuple[DetectorBackend | ScorerBackend | DepthBackend, ...]:
+    def all(self) -> tuple[Backend, ...]:
         return tuple(m for m in (self.detector, self.scorer, self.depth) if m is not None)
 
     def warm_up(self) -> None:
@@ -48,7 +51,15 @@ class Models:
 
     def close(self) -> None:
         for model in self.all:
-            model.close()
+            _close(model)
+
+
+def _close(model: Backend) -> None:
+    """Close a back end; a fault of an external one is logged."""
+    try:
+        model.close()
+    except Exception:
+        log.exception("the %s could not be closed", type(model).__name__)
 
 
 def landmarks_of(setting: str, scorer: ScorerBackend) -> tuple[str, ...]:
@@ -63,7 +74,7 @@ def landmarks_of(setting: str, scorer: ScorerBackend) -> tuple[str, ...]:
 def open_models(s: Settings, truth: TruthSource | None) -> Models:
     """Open the models that the settings name.
 
-    Raises InvalidInput (wrong setting) or Unavailable.
+    Raises InvalidInput (wrong setting) or Unavailable; then none stays open.
     """
     options = DetectorOptions(
         truth=truth,
@@ -78,10 +89,26 @@ def open_models(s: Settings, truth: TruthSource | None) -> Models:
         score_head=s.score_head,
         by_similarity=s.by_similarity,
     )
-    scorer = open_scorer(s.scorer, options)
-    options = replace(options, landmarks=landmarks_of(s.landmarks, scorer))
-    detector = open_detector(s.detector, options)
-    return Models(detector, scorer, open_depth(s.depth, options, s.depth_focal))
+    with ExitStack() as opened:
+        scorer = open_scorer(s.scorer, options)
+        opened.callback(_close, scorer)
+        options = replace(options, landmarks=landmarks_of(s.landmarks, scorer))
+        detector = open_detector(s.detector, options)
+        opened.callback(_close, detector)
+        models = Models(detector, scorer, open_depth(s.depth, options, s.depth_focal))
+        opened.pop_all()
+    return models
+
+
+def _warm_models(s: Settings, truth: TruthSource | None) -> Models:
+    """Open the models and warm them up; close them if that fails."""
+    models = open_models(s, truth)
+    try:
+        models.warm_up()
+    except BaseException:
+        models.close()
+        raise
+    return models
 
 
 def load_models(
@@ -96,9 +123,7 @@ def load_models(
     health.waiting(f"loading {s.detector} and the scorer {s.scorer}")
     while not ending.is_set():
         try:
-            models = open_models(s, truth)
-            models.warm_up()
-            return models
+            return _warm_models(s, truth)
         except Unavailable as error:
             health.waiting(error.message)
             ending.wait(pause_s)

@@ -80,8 +80,7 @@ def checked_findings(
     seen = tuple(
         s for s in [_seen(s, wrong) for s in _entries(findings.seen, "seen")] if s is not None
     )
-    as_it_is = not wrong and (detections, seen) == (findings.detections, findings.seen)
-    return (findings if as_it_is else Findings(detections, seen)), wrong
+    return Findings(detections, seen), wrong
 
 
 def checked_judgement(judgement: object, layers: Collection[str]) -> tuple[Judgement, OutputFaults]:
@@ -160,7 +159,8 @@ def _detection(
     if np.count_nonzero(d.mask) > np.count_nonzero(d.mask[y0:y1, x0:x1]):
         box = _around(box, box_of(d.mask))
         wrong.counts["boxes_widened"] += 1
-    return d if (score, box) == (d.score, d.box_xyxy) else replace(d, score=score, box_xyxy=box)
+    as_it_is = score == d.score and isinstance(d.box_xyxy, tuple) and box == d.box_xyxy
+    return d if as_it_is else replace(d, score=score, box_xyxy=box)
 
 
 def _mask_fault(mask: object, shape: tuple[int, int]) -> tuple[str, str] | None:

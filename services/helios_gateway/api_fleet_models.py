@@ -46,6 +46,10 @@ class FleetTask(BaseModel):
         examples=["robot-2 was idle; no idle robot's map had the mug"],
     )
     priority: int = Field(description="tasks with a higher value get a robot first")
+    unused: list[str] = Field(
+        description="words of the instruction that have no effect on the task",
+        examples=[["in the kitchen"]],
+    )
     returned: int = Field(description="number of times that a robot gave the task back")
     refused: dict[str, str] = Field(
         description="reasons of the robots that cannot do it, by name",

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Literal
 
 from helios_core.errors import InvalidInput
+from helios_core.printable_text import plain_error
 from helios_core.private_file import check_private
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
@@ -151,7 +152,9 @@ def _read(file: Path) -> dict[str, ApiKey]:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"]))
-        raise InvalidInput(f"the keys in {file} are wrong: {where}: {first['msg']}") from error
+        raise InvalidInput(
+            f"the keys in {file} are wrong: {where}: {plain_error(first['msg'])}"
+        ) from error
     return {entry.sha256: entry for entry in entries}
 
 

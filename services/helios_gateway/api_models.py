@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 from helios_core.health import HealthState
 from helios_core.printable_text import printable
 from helios_core.task_states import ENDED, TaskState
+from helios_core.topics import MAX_INSTRUCTION_CHARACTERS
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
 
-MAX_INSTRUCTION_CHARACTERS = 10_000
 Vector3 = Annotated[list[float | None], Field(description="x, y, z in the world frame, metres")]
 Vector2 = Annotated[list[float | None], Field(description="x, y in the world frame, metres")]
 ServiceState = Literal[HealthState, "down"]
@@ -258,7 +258,8 @@ class Decision(BaseModel):
         description="identifier of the search context at the time of the decision"
     )
     recomputed: Recomputed | None = Field(
-        description="decision recomputed under the requested settings; null: none requested"
+        description="decision recomputed under the requested settings; null: none requested, or "
+        "another version of the planner stored it in another form"
     )
 
 

@@ -71,9 +71,8 @@ class RobotMonitor:
         self._ticker = threading.Thread(target=self._run, name="tick", daemon=True)
 
         bus.watch(self._on_alive)
-        for (
-            service
-        ) in STATUS_PUBLISHERS:  # by name, because `*/status` would also match the supervisor's
+        # By name, because `*/status` would also match the supervisor's.
+        for service in STATUS_PUBLISHERS:
             self._hear(bus, status_topic(service), self.services.listener(service))
         self._hear(bus, SUPERVISOR, self._on_supervisor)
         self._hear(bus, ROBOT_DESCRIPTION, self._on_description)

@@ -33,7 +33,6 @@ class Event:
     number: int
     type: str
     data: str  # JSON, one line
-    state_key: str = ""  # state that it describes; "": none, it is an occurrence
     task_id: str = ""  # task that it concerns; "": none
     ends_task: bool = False
 
@@ -109,13 +108,14 @@ class EventHub:
     ) -> None:
         """Send an event to all subscribers.
 
-        state_key: state that the event describes; a new subscriber receives its newest event.
+        state_key: state that the event describes, of which a new subscriber receives the newest
+        event; empty: none, the event is an occurrence.
         """
         text = data.model_dump_json()  # one line; a non-finite number becomes null
         with self._lock:
             self._number += 1
             id = f"{self._boot}-{self._number}"
-            event = Event(id, self._number, type, text, state_key, task_id, ends_task)
+            event = Event(id, self._number, type, text, task_id, ends_task)
             self._past.append(event)
             if state_key:
                 self._state.pop(state_key, None)

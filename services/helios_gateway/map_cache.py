@@ -74,31 +74,9 @@ class MapCache:
         """Newest snapshot of the 2D map. Raises Unavailable, DeadlineExceeded, Internal."""
         return self._views.get("map", self._state("map2d"), self._ask_snapshot)
 
-    def info(self) -> api_map_models.MapInfo:
-        view = self.view()
-        rows, columns = view.shape
-        return api_map_models.MapInfo(
-            version=view.version,
-            map_id=view.map_id,
-            context_id=view.context_id,
-            cell_m=view.cell_m,
-            width_cells=columns,
-            height_cells=rows,
-            origin_m=[message_conversion.metres(v) for v in view.origin_m],
-            explored_m2=message_conversion.finite(view.explored_m2),
-            occupied_m2=message_conversion.finite(view.occupied_m2),
-            layers=[
-                api_map_models.MapLayer(name=name, max_value=map_arrays.layer_maximum(view, name))
-                for name in sorted(view.values)
-            ],
-            robot=message_conversion.pose(*view.robot_pose),
-            trajectory_m=message_conversion.pairs(view.trajectory_m.ravel().tolist()),
-            trajectory_starts=list(view.trajectory_starts),
-        )
-
     def info_json(self) -> Encoded:
-        """`info` as an encoded response."""
-        return self._file("info", self.view(), lambda _: Encoded.json(self.info()))
+        """Size, layers and robot of the 2D map as an encoded response."""
+        return self._file("info", self.view(), lambda view: Encoded.json(_info(view)))
 
     def frontiers_json(self) -> Encoded:
         """Frontiers as an encoded response."""
@@ -209,7 +187,7 @@ class MapCache:
             reply = self._bus.call(GAUSSIANS, pb.GaussiansRequest(), self._timeout_s)
             try:
                 ground = self.view()
-            except Unavailable:  # the scene is useful without the ground
+            except HeliosError:  # the scene is useful without the ground
                 ground = None
             scene = viewer_scene.scene_file(Gaussians.of(reply), self.objects().objects, ground, by)
             return Encoded.of(scene, viewer_scene.MEDIA_TYPE, x_gaussians=str(reply.count))
@@ -276,6 +254,28 @@ class MapCache:
             known = ", ".join(sorted(view.values)) or "none yet"
             raise NotFound(f"the map has no value layer {layer[:80]!r}; it has: {known}")
         return view
+
+
+def _info(view: MapView) -> api_map_models.MapInfo:
+    rows, columns = view.shape
+    return api_map_models.MapInfo(
+        version=view.version,
+        map_id=view.map_id,
+        context_id=view.context_id,
+        cell_m=view.cell_m,
+        width_cells=columns,
+        height_cells=rows,
+        origin_m=[message_conversion.metres(v) for v in view.origin_m],
+        explored_m2=message_conversion.finite(view.explored_m2),
+        occupied_m2=message_conversion.finite(view.occupied_m2),
+        layers=[
+            api_map_models.MapLayer(name=name, max_value=map_arrays.layer_maximum(view, name))
+            for name in sorted(view.values)
+        ],
+        robot=message_conversion.pose(*view.robot_pose),
+        trajectory_m=message_conversion.pairs(view.trajectory_m.ravel().tolist()),
+        trajectory_starts=list(view.trajectory_starts),
+    )
 
 
 def _state(view: MapView) -> tuple[str, int, str, str]:

@@ -145,6 +145,7 @@ class RequestMetrics:
             await self._app(scope, receive, send)
             return
         began_s = time.perf_counter()
+        started = False  # the answer
 
         def count(status: int) -> None:
             route = route_pattern(scope)
@@ -155,14 +156,17 @@ class RequestMetrics:
             self._metrics.seconds.labels(method, route).observe(time.perf_counter() - began_s)
 
         async def counted(message: Message) -> None:
+            nonlocal started
             if message["type"] == "http.response.start":
+                started = True
                 count(message["status"])
             await send(message)
 
         try:
             await self._app(scope, receive, counted)
         except Exception:
-            count(500)
+            if not started:
+                count(500)
             raise
 
 

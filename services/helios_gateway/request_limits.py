@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 from helios_core.errors import HeliosError
 from starlette.datastructures import Headers
-from starlette.requests import HTTPConnection
+from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -167,6 +167,8 @@ class RequestLimits:
         try:
             async with asyncio.timeout(within_s):
                 body = await _body(receive, limit)
+        except ClientDisconnect:  # nobody waits for an answer
+            return
         except TimeoutError as late:
             said = str(late) or f"the body did not arrive within {within_s:g} s"
             refusal = problem(408, "late", "Request Timeout", f"{said}; send it at once")
@@ -193,6 +195,7 @@ async def _body(receive: Receive, limit: int) -> bytes | None:
     """Whole body, or None once it exceeds the limit in bytes.
 
     Raises TimeoutError when it stops arriving: an idle sender occupies a slot that others need.
+    Raises ClientDisconnect if the client leaves before its end.
     """
     body = bytearray()
     while True:
@@ -202,7 +205,7 @@ async def _body(receive: Receive, limit: int) -> bytes | None:
         except TimeoutError:
             raise TimeoutError(f"no byte of the body came for {STALL_S:g} s") from None
         if message["type"] != "http.request":
-            return bytes(body)
+            raise ClientDisconnect
         body += message.get("body", b"")
         if len(body) > limit:
             return None

@@ -9,7 +9,7 @@ from typing import Any
 from fastapi import Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
-from helios_core.printable_text import printable
+from helios_core.printable_text import plain_error, printable
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
@@ -61,7 +61,7 @@ def _said(error: Mapping[str, Any], field: FieldInfo | None) -> str:
     where = printable(".".join(map(str, path))[:MOST_CHARACTERS])
     kind, message = error["type"], error["msg"]
     if kind == "value_error":
-        return message.removeprefix("Value error, ")
+        return plain_error(message)
     if kind == "json_invalid":
         return f"it is no JSON ({_json_trouble(error)})"
     if kind == "missing":

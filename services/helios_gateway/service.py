@@ -77,19 +77,19 @@ class Gateway:
         health: Health,
         settings: Settings,
         listener: socket.socket,
+        keys: ApiKeys,
         another_bus: Callable[[str], Bus],
     ) -> None:
-        """another_bus: returns the bus of a further robot, by name.
+        """keys: those that `check_open` accepts for the listener. another_bus: returns the bus of a
+        further robot, by name.
 
-        Raises Unavailable (port, router), InvalidInput (keys).
+        Raises Unavailable (port, router), InvalidInput (record of changes).
         """
         host, port = listener.getsockname()[:2]
         try:
             listener.listen(128)  # two processes may bind one port; only one may listen
         except OSError as error:
             raise _cannot_listen(error, host, port) from error
-        keys = ApiKeys(settings.keys)
-        check_open(host, settings, keys)
         self._audit = None if settings.audit is None else AuditLog(settings.audit)
         queue = FleetQueue(settings.fleet_queue)
         buses = {settings.robot: bus}

@@ -15,21 +15,11 @@ from helios_gateway.api_models import Service, ServiceState
 
 log = logging.getLogger(__name__)
 
-REQUIRED_SERVICES = (
-    "bridge",
-    "detector",
-    "objectmap",
-    "map2d",
-    "planner",
-)  # a task needs them
+# Services that a task needs.
+REQUIRED_SERVICES = ("bridge", "detector", "objectmap", "map2d", "planner")
 LISTED_SERVICES = ("router", *REQUIRED_SERVICES, "gateway")  # always listed
-STATUS_PUBLISHERS = (
-    "world",
-    *REQUIRED_SERVICES,
-    "gateway",
-    "recorder",
-    "ros2",
-)  # publish a ServiceStatus
+# Services that publish a ServiceStatus.
+STATUS_PUBLISHERS = ("world", *REQUIRED_SERVICES, "gateway", "recorder", "ros2")
 # Services that handle requests while they are degraded, if they have begun to work before. From
 # then on they publish one of these metrics. The maps and the planner are degraded only while they
 # refuse requests or the robot's description.

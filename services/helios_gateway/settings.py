@@ -103,7 +103,10 @@ class Settings(ServiceSettings):
         description="most requests answered at the same time; stops are not counted",
     )
     max_connections: int = Field(
-        default=1000, ge=1, description="most TCP connections open at the same time"
+        default=1000,
+        ge=1,
+        description="most TCP connections open at the same time; beyond, every request returns "
+        "503, also a stop",
     )
     requests_per_s: int = Field(
         default=500,

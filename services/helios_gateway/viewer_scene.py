@@ -50,7 +50,7 @@ LEAST_CLASS_SCORE = 0.3  # lowest class score S of a labelled instance
 def page() -> bytes:
     """viser's page with `HEAD`: one file that loads from no other host.
 
-    Raises Unavailable if viser is not installed or its page has no head.
+    Raises Unavailable if viser is not installed, or its page cannot be read or has no head.
     """
     found = find_spec("viser")
     if found is None or found.origin is None:
@@ -60,7 +60,13 @@ def page() -> bytes:
 
 @cache
 def _with_head(path: Path) -> bytes:
-    before, tag, after = path.read_bytes().partition(b"<head>")
+    try:
+        before, tag, after = path.read_bytes().partition(b"<head>")
+    except OSError as error:  # such as an installation from source that was not built
+        raise Unavailable(
+            f"viser's page {path} cannot be read ({error.strerror}); "
+            "pip install 'helios-ovmm[viewer]'"
+        ) from error
     if not tag:
         raise Unavailable("this viser's page has no head; pip install 'helios-ovmm[viewer]'")
     return before + tag + HEAD + after

@@ -12,6 +12,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 
 from helios_core import proto as pb
 from helios_core import tracing
@@ -198,17 +199,17 @@ class Map2DService:
                 if len(self._frames_waiting) > MOST_WAITING:
                     late = self._frames_waiting.popleft()
         if late is not None:
-            reason = self._refused or "the robot has not described itself; start its bridge"
-            self._answer(MapPart.OCCUPANCY, late.id, "", Unavailable(reason), 0.0)
+            self._answer(MapPart.OCCUPANCY, late.id, "", self._undescribed(), 0.0)
         if not wait:
-            self._integrate(MapPart.OCCUPANCY, message.id, "", lambda: self._fold_frame(message))
+            fold = partial(self._fold_frame, message, keyframe=True)
+            self._integrate(MapPart.OCCUPANCY, message.id, "", fold)
 
     def on_stream_frame(self, message: FrameMessage) -> None:
         """Fuse a stream frame if the maps are ready; it gets no acknowledgement."""
         if self._maps is None:
             return
         try:
-            self._fold_frame(message)
+            self._fold_frame(message, keyframe=False)
             self._health.count("stream_frames")
         except HeliosError as error:
             self._health.count("stream_frames_refused")
@@ -218,14 +219,16 @@ class Map2DService:
         with self._lock:
             unheard = message.context_id not in self._contexts
             wait = self._maps is None or unheard
-            late = None
+            late: ObservationMessage | None = None
             if wait:
                 self._observations_waiting.append(kept(message))
                 if len(self._observations_waiting) > MOST_WAITING:
                     late = self._observations_waiting.popleft()
+            heard = late is not None and late.context_id in self._contexts
         if late is not None:
-            reason = f"search context {late.context_id!r} was never announced here"
-            self._answer(MapPart.VALUE, late.frame.id, late.context_id, Conflict(reason), 0.0)
+            said = f"search context {late.context_id!r} was never announced here"
+            error = self._undescribed() if heard else Conflict(said)
+            self._answer(MapPart.VALUE, late.frame.id, late.context_id, error, 0.0)
         if not wait:
             self._integrate(
                 MapPart.VALUE,
@@ -262,7 +265,12 @@ class Map2DService:
         return self._places.settled(within_s)
 
     # --- internals ----------------------------------------------------------------------------
-    def _fold_frame(self, message: FrameMessage) -> None:
+    def _undescribed(self) -> Unavailable:
+        """Why there are no maps yet."""
+        return Unavailable(self._refused or "the robot has not described itself; start its bridge")
+
+    def _fold_frame(self, message: FrameMessage, keyframe: bool) -> None:
+        """keyframe: False for a stream frame, which starts no attempt to relocalise."""
         frame = frame_from_proto(message)
         if frame.shown is not None:
             return
@@ -270,7 +278,8 @@ class Map2DService:
             if self._maps is not None:
                 holding = self._holding if frame.held is None else bool(frame.held)
                 self._maps.map_for(frame).integrate_frame(frame, holding=holding)
-                self._places.note_keyframe()
+                if keyframe:
+                    self._places.note_keyframe()
 
     def _fold_values(self, message: ObservationMessage) -> None:
         observation = observation_from_proto(message, with_others=False)

@@ -37,8 +37,8 @@ class View:
             self.fy / stride,
             (self.cx - first) / stride,
             (self.cy - first) / stride,
-            len(range(first, self.width, stride)),
-            len(range(first, self.height, stride)),
+            kept_pixels(self.width, stride),
+            kept_pixels(self.height, stride),
             self.T_world_cam,
         )
 
@@ -54,3 +54,8 @@ class View:
 def offset(stride: int) -> int:
     """First pixel that a stride keeps: the middle of its block, so that the grid has no bias."""
     return stride // 2
+
+
+def kept_pixels(size_px: int, stride: int) -> int:
+    """Number of pixels that a stride keeps of a row or column of `size_px`."""
+    return len(range(offset(stride), size_px, stride))

@@ -17,6 +17,7 @@ from helios_core.printable_text import counted
 from helios_core.types import AlignedBox, FrameId, ObjectInstance, Observation
 from numpy.typing import NDArray
 
+from helios_objectmap.camera import kept_pixels
 from helios_objectmap.instances.registry import Moment
 from helios_objectmap.instances.summary import Grasp
 from helios_objectmap.shown_object import ShownNames
@@ -56,7 +57,7 @@ def camera_of(camera: pb.Pinhole, stride_px: int = 1) -> Pinhole:
     Raises InvalidInput for implausible intrinsics, or if the picture has over MOST_PIXELS pixels.
     """
     out = pinhole_from_proto(camera)
-    if (out.width // stride_px) * (out.height // stride_px) > MOST_PIXELS:
+    if kept_pixels(out.width, stride_px) * kept_pixels(out.height, stride_px) > MOST_PIXELS:
         raise InvalidInput(
             f"{out.width}x{out.height} pixels asked for; at most {MOST_PIXELS * stride_px**2} in "
             "one picture"

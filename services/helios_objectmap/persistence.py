@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from helios_core.codec.frames import FARTHEST_M
+from helios_core.codec.frames import FARTHEST_M, frame_id_to_proto
 from helios_core.errors import InvalidInput
 from helios_core.npz_reading import one_array, unpacked
 from helios_core.types import FrameId, Role, WorldId
@@ -32,6 +32,7 @@ FORMAT = "helios-objectmap"
 VERSION = 1
 VOTES = "store.votes"
 HEADER_BYTES = 256 << 20  # more than the header of any map
+MOST_UPDATES = 1 << 53  # in the life of a map
 MOST_LABELS = 1 << 26  # in the life of a map; the table of their Gaussians takes 8 bytes for each
 PACKING_LEVEL = 1  # of zlib: a seventh of the size in half a second for 100 MB
 
@@ -150,13 +151,14 @@ def world_of(data: bytes) -> WorldId | None:
 
 def _place(header: dict[str, Any]) -> tuple[WorldId | None, FrameId | None]:
     """World of the map, and the newest frame in it. Files of earlier builds lack some of the
-    fields."""
+    fields. Raises ValueError for numbers that a message cannot hold."""
     if not header["epoch"]:
         return None, None
     boot_id, epoch = str(header["epoch"][0]), int(header["epoch"][1])
     world = WorldId(boot_id, epoch, str(header.get("origin_id", "")))
     seq, newest_boot_id = header.get("newest_seq"), header.get("newest_boot_id", boot_id)
     newest = None if seq is None else FrameId(str(newest_boot_id), epoch, int(seq))
+    frame_id_to_proto(newest or FrameId(boot_id, epoch, 0))
     return world, newest
 
 
@@ -180,13 +182,14 @@ def _content(header: dict, arrays: dict[str, NDArray], viewpoints: Viewpoints) -
     roles = {str(name): Role(role) for name, role in header["roles"].items()}
     _check_references(rows, store.class_names, registry, roles, viewpoints)
     _check_numbers(rows)
+    updates = int(header["updates"])
+    if not 0 <= updates <= MOST_UPDATES:
+        raise ValueError(f"the map has {updates} updates, not 0 to {MOST_UPDATES}")
     store.fill(rows)
     faint = [label for label, record in registry.records.items() if not record.in_core]
     store.in_core[store.instances.rows_of(np.array(faint, np.int64))] = False
     added = [int(number) for number in header.get("added_updates", ())]
-    out = MapContent(
-        store, registry, viewpoints, roles, int(header["updates"]), added_updates=added
-    )
+    out = MapContent(store, registry, viewpoints, roles, updates, added_updates=added)
     if named := part("sightings."):  # files of earlier builds have none
         out.sightings.add_arrays(named)
     if rated := part("image_text."):

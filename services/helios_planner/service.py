@@ -86,6 +86,7 @@ class PlannerService:
         self._registry = TaskRegistry(bus, settings, health, self._store)
         self._store.watch(self._tell_health)
         self._queue = deque(self._registry.restore())
+        self._arriving = 0  # tasks that are being stored and have a place in the queue
         self._tell_waiting()
         self._cancels = {id: threading.Event() for id in self._queue}
         self._holds = {id: self._new_hold(id) for id in self._queue if self._is_under_way(id)}
@@ -191,26 +192,34 @@ class PlannerService:
         )
 
     def _add(self, task: Task) -> pb.Task:
-        """Store, publish and queue a new task. Raises Conflict if too many wait."""
+        """Store, publish and queue a new task. One that is cancelled meanwhile ends instead. Raises
+        Conflict if too many wait."""
         id, most = task.id, self._settings.max_waiting
         with self._lock:
-            if len(self._queue) >= most:
+            if len(self._queue) + self._arriving >= most:
                 raise Conflict(
                     f"{most} tasks wait already, the most that this planner takes "
                     "(planner.max_waiting): cancel some, or submit it again once they have run"
                 )
-            self._cancels[id] = threading.Event()  # it may be cancelled as soon as it is published
+            self._arriving += 1
+            cancelled = self._cancels[id] = threading.Event()
         try:
-            changed = self._registry.add(task)  # before the worker can publish it as running
-        except Unavailable:
+            added = self._registry.add(task)  # before the worker can publish it as running
+        except BaseException:
             with self._lock:
+                self._arriving -= 1
                 self._cancels.pop(id, None)
             raise
         with self._lock:
-            self._queue.append(id)
-            self._tell_waiting()
-            self._wake.notify_all()
-        return changed
+            self._arriving -= 1
+            queued = not cancelled.is_set()
+            if queued:
+                self._queue.append(id)
+                self._tell_waiting()
+                self._wake.notify_all()
+            else:
+                self._cancels.pop(id, None)
+        return added if queued else self._end_queued(id)
 
     def _tell_waiting(self) -> None:
         self._health.set("tasks_waiting", len(self._queue))
@@ -268,16 +277,18 @@ class PlannerService:
             if queued:
                 self._cancels.pop(request.id, None)
         if queued:
-            begun = (
-                f"after {counted(task.steps, 'step')}"
-                if task.state.under_way
-                else "before it began"
-            )
-            self._registry.end(request.id, State.CANCELLED, f"cancelled {begun}")
-            task = self._registry.known(request.id)
-        elif not task.state.ended:
+            return self._end_queued(request.id)
+        if not task.state.ended:
             self._registry.cancel(request.id)
         return task_to_proto(task)
+
+    def _end_queued(self, id: str) -> pb.Task:
+        """End a cancelled task that no worker has, and return it."""
+        task = self._registry.known(id)
+        begun = task.state.under_way
+        when = f"after {counted(task.steps, 'step')}" if begun else "before it began"
+        self._registry.end(id, State.CANCELLED, f"cancelled {when}")
+        return task_to_proto(self._registry.known(id))
 
     def pause(self, request: pb.TaskRequest) -> pb.Task:
         """Pause a task: the current action finishes, and no other begins until `resume`. A queued
@@ -288,13 +299,19 @@ class PlannerService:
         return self._set_on_hold(request.id, False)
 
     def decisions(self, request: pb.TaskRequest) -> pb.DecisionList:
-        """All stored decisions of a task; with settings, each also as recomputed under them."""
+        """All stored decisions of a task; with settings, each also as recomputed under them, unless
+        another version stored it in another form."""
         self._registry.known(request.id)
         changes = changes_of(request.settings)
         kept = self._store.decisions(request.id)
         if changes:
             for decision in kept:
-                again = recompute(decision_from_proto(decision), changes)
+                try:
+                    again = recompute(decision_from_proto(decision), changes)
+                except (ValueError, LookupError) as error:
+                    what = f"decision {decision.index} of task {request.id}"
+                    log.warning("%s cannot be recomputed: %r", what, error)
+                    continue
                 decision.recomputed.CopyFrom(recomputed_to_proto(again))
         return pb.DecisionList(decisions=kept)
 

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from helios_core.agent_presets import DEFAULT_AGENT, AgentSetting
 from helios_core.errors import InvalidInput
+from helios_core.printable_text import plain_error
 from helios_core.settings import ServiceSettings, service_config
 from pydantic import AfterValidator, Field, SecretStr, ValidationError
 
@@ -37,9 +38,21 @@ def _clearances(margins_m: tuple[float, ...]) -> tuple[float, ...]:
     return margins_m
 
 
+def _for_header(key: SecretStr) -> SecretStr:
+    """The key itself. Raises ValueError, without the key, unless an HTTP header can hold it."""
+    text = key.get_secret_value()
+    if not (text.isascii() and text.isprintable()):
+        raise ValueError(
+            "the key has characters that no HTTP header holds; wanted printable ASCII characters "
+            "alone: copy it again"
+        )
+    return key
+
+
 PlaceRule = Literal["flat", "paper"]
 GainNorm = Literal["per_gaussian", "per_area", "per_pixel", "sum"]
 Prompt = Annotated[str, AfterValidator(_with_class)]
+HeaderKey = Annotated[SecretStr, AfterValidator(_for_header)]
 Margins = Annotated[tuple[float, ...], AfterValidator(_clearances)]
 LEAST_TAU = -0.5  # every score is higher: S is at least 0, and U is below 0.5
 # Settings that a task may set for itself: those of its decisions and of its limits. It may not set
@@ -112,7 +125,7 @@ class Settings(ServiceSettings):
         "which the grammar does not recognise; empty: none",
     )
     llm_model: str = Field(default="default", description="name of the model at that endpoint")
-    llm_key: SecretStr = Field(
+    llm_key: HeaderKey = Field(
         default=SecretStr(""),
         description="API key of that endpoint; set it as a variable, not as a flag",
     )
@@ -342,7 +355,9 @@ def for_task(settings: Settings, own: Mapping[str, str]) -> Settings:
     except ValidationError as error:
         first = error.errors()[0]
         name = str(first["loc"][0])
-        raise InvalidInput(f"{name} is {own.get(name)!r:.80}: {first['msg']}") from error
+        raise InvalidInput(
+            f"{name} is {own.get(name)!r:.80}: {plain_error(first['msg'])}"
+        ) from error
     for name, text in own.items():
         value = getattr(made, name)
         if isinstance(value, int | float) and not abs(value) <= MOST:  # neither is "not a number"

@@ -182,9 +182,7 @@ class Recording:
                 self._file.abandon()
             self._file = None
         self._count_lost()
-        full = isinstance(error, DiskFull) or error.errno in (errno.ENOSPC, errno.EDQUOT)
-        why = "the disk is full" if full else "the disk cannot be written"
-        said = f"the recording stopped: {why} ({error}); make room in {self._settings.out}"
+        said = f"the recording stopped: {_reason(error, self._settings.out)}"
         if said != self._trouble:
             log.error("%s", said)
         self._trouble = said
@@ -193,6 +191,15 @@ class Recording:
     def _count_lost(self) -> None:
         self._health.count("dropped_while_stopped", self._unwritten)
         self._unwritten = 0
+
+
+def _reason(error: OSError | DiskFull, folder: Path) -> str:
+    """Why nothing can be written to the folder of the recordings, and what to do."""
+    if isinstance(error, FileExistsError | NotADirectoryError):
+        return f"{folder} is no folder ({error}); move the file in its way, or choose another"
+    if isinstance(error, DiskFull) or error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return f"the disk is full ({error}); make room in {folder}"
+    return f"the disk cannot be written ({error}); allow writing to {folder}, or choose another"
 
 
 def _finished(file: RecordingFile) -> bool:

@@ -11,6 +11,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from helios_core.errors import InvalidInput
+from helios_core.printable_text import plain_error
 
 FORMAT, VERSION = "helios-detector-error-model", 1
 MOST_BYTES = 1_000_000
@@ -149,7 +150,8 @@ def from_text(text: str | bytes, where: str) -> DetectorErrorModel:
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
-        said = f"{place}: {first['msg']}" if place else first["msg"]
+        message = plain_error(first["msg"])
+        said = f"{place}: {message}" if place else message
         raise InvalidInput(
             f"{where} is no error model of version {VERSION} ({said}); make one with helios "
             "calibrate"

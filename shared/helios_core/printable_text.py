@@ -1,4 +1,4 @@
-"""Text for display: removal of control characters, and numbers with their nouns."""
+"""Text for display: removal of control characters and of jargon, numbers with their nouns."""
 
 from __future__ import annotations
 
@@ -10,6 +10,11 @@ _SHOWN = _CONTROL | _SPACES
 def counted(number: int, noun: str, plural: str = "") -> str:
     """Number with its noun: "1 step", "2 steps". plural: given if it is not noun + s."""
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
+def plain_error(text: str) -> str:
+    """Message of pydantic, or of the command-line parser, without the words `Value error, `."""
+    return text.replace("Value error, ", "")
 
 
 def printable(text: str) -> str:

@@ -37,6 +37,7 @@ from helios_core.agent_presets import service_settings
 from helios_core.errors import InvalidInput
 from helios_core.log_format import LogFormat
 from helios_core.name_rules import robot_name, robot_names
+from helios_core.printable_text import plain_error
 from helios_core.router_link import DEFAULT_ROUTER, RouterLink, router_link
 from helios_core.settings_spelling import (
     OF_ALL,
@@ -159,6 +160,28 @@ class ServiceSettings(BaseSettings):
             print(f"helios-{cls.service_name()}: cannot read settings: {error}", file=sys.stderr)
         sys.exit(2)
 
+    @classmethod
+    def read(cls, **given: Any) -> Self:
+        """Settings from the environment and the file, for programs without these flags; `given`
+        goes before both.
+
+        Raises InvalidInput that names each wrong setting, but never its value: it may be secret.
+        """
+        name = cls.service_name()
+        try:
+            return cls(**given)
+        except ValidationError as error:
+            wrong = "; ".join(
+                f"{'.'.join(map(str, e['loc']))}: {plain_error(e['msg'])}".removeprefix(": ")
+                for e in error.errors()
+            )
+            raise InvalidInput(
+                f"wrong setting of {name}: {wrong}; correct {variable(name, '…')} or the settings "
+                "file"
+            ) from None
+        except ValueError as error:  # a variable of a table that is no JSON
+            raise InvalidInput(f"cannot read the settings of {name}: {error}") from None
+
     def _with_preset(self) -> Self:
         """Settings completed from the agent's preset where no flag, variable or file gives one."""
         agent = getattr(self, "agent", "")
@@ -172,7 +195,8 @@ class ServiceSettings(BaseSettings):
             return no_setting(cls.service_name(), cls.model_fields, name)
         field = cls.model_fields.get(name)
         secret = field is not None and field.annotation is SecretStr
-        return f"{name}: {error['msg']}" + ("" if secret else f" (got {error['input']!r})")
+        message = plain_error(error["msg"])
+        return f"{name}: {message}" + ("" if secret else f" (got {error['input']!r})")
 
     @classmethod
     def settings_customise_sources(
@@ -216,7 +240,8 @@ def common_settings(service: str, environment: Mapping[str, str]) -> ServiceSett
     try:
         return ServiceSettings(**{n: v for n, v in given.items() if n in names})
     except ValidationError as error:
-        raise InvalidInput(f"wrong setting of {service}: {error.errors()[0]['msg']}") from error
+        message = plain_error(error.errors()[0]["msg"])
+        raise InvalidInput(f"wrong setting of {service}: {message}") from error
 
 
 class _Variables(EnvSettingsSource):

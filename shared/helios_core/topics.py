@@ -117,6 +117,7 @@ PLANNER_HEARTBEAT = Topic("planner/heartbeat", pb.Heartbeat, QoS.LATEST_WINS)  #
 TASK = Topic("planner/task", pb.Task, QoS.RETAINED)
 DECISION = Topic("planner/decision", pb.Decision, QoS.NEVER_DROP)
 PLAN = Topic("planner/plan", pb.Plan, QoS.RETAINED)
+MAX_INSTRUCTION_CHARACTERS = 400  # of a SubmitRequest
 SUBMIT = Method("planner/submit", pb.SubmitRequest, pb.Task)
 CHECK = Method("planner/check", pb.SubmitRequest, pb.Task)  # what it would be; nothing is queued
 GET_TASK = Method("planner/get", pb.TaskRequest, pb.Task)

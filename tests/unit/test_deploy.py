@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import re
 import tomllib
 from collections.abc import Callable
@@ -63,6 +64,12 @@ def of_compose(name: str) -> ServiceSettings:
     return settings_of(module).load(flags)
 
 
+def of_image(name: str) -> ServiceSettings:
+    [command] = re.findall(rf"^FROM \w+ AS {name}\n.*?^CMD (\[.*?\])$", IMAGE, re.M | re.S)
+    module, *flags = json.loads(command.replace("\\\n", ""))
+    return settings_of(module).load(flags)
+
+
 def of_file(folder: str) -> Callable[[str], ServiceSettings]:
     def load(name: str) -> ServiceSettings:
         with pytest.MonkeyPatch.context() as patch:
@@ -72,7 +79,7 @@ def of_file(folder: str) -> Callable[[str], ServiceSettings]:
     return load
 
 
-@pytest.mark.parametrize("load", [of_compose, of_file("systemd"), of_file("kubernetes")])
+@pytest.mark.parametrize("load", [of_compose, of_image, of_file("systemd"), of_file("kubernetes")])
 @pytest.mark.parametrize(
     ("name", "setting"),
     [
@@ -83,12 +90,15 @@ def of_file(folder: str) -> Callable[[str], ServiceSettings]:
         ("gateway", "faults"),
         ("gateway", "audit"),
         ("gateway", "fleet_queue"),
+        ("recorder", "out"),
     ],
 )
-def test_stops_tasks_maps_and_records_outlive_their_service(
+def test_stops_tasks_maps_and_records_are_kept_where_the_service_may_write(
     load: Callable[[str], ServiceSettings], name: str, setting: str
 ) -> None:
-    assert getattr(load(name), setting) is not None
+    path = getattr(load(name), setting)
+    folders = (f"/state/{name}", "/var/lib/helios")
+    assert any(path.is_relative_to(folder) for folder in folders)
 
 
 @pytest.mark.parametrize("name", COMPOSE["services"])
@@ -138,6 +148,14 @@ def test_the_image_contains_the_state_folders_owned_by_its_user() -> None:
     made = re.search(r"mkdir -p ([^&]*)&& chown -R helios /state /kernels$", before_user, re.M)
     assert made is not None
     assert set(made[1].replace("\\", "").split()) >= {*STATE_DIRS.values(), "/kernels"}
+
+
+def test_the_build_context_holds_what_the_image_copies_and_no_more() -> None:
+    copied = re.findall(r"^COPY (?!--from)(.*) \S+$", IMAGE, re.M)
+    lines = (ROOT / ".dockerignore").read_text().splitlines()
+    everything, *taken, caches = (line for line in lines if not line.startswith("#"))
+    assert (everything, caches) == ("*", "**/__pycache__")
+    assert {line.removeprefix("!") for line in taken} == set(" ".join(copied).split())
 
 
 def test_the_image_installs_the_package_versions_of_the_tests() -> None:

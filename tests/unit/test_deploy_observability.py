@@ -76,6 +76,13 @@ def test_each_alert_says_what_is_wrong(rule: dict[str, Any]) -> None:
     assert rule["labels"]["severity"] in ("warning", "critical")
 
 
+@pytest.mark.parametrize("rule", ALERTS, ids=lambda rule: rule["alert"])
+def test_no_alert_names_a_command_that_works_on_the_robots_machine_alone(
+    rule: dict[str, Any],
+) -> None:
+    assert "helios logs" not in rule["annotations"]["summary"]
+
+
 def test_the_compose_file_mounts_files_that_exist() -> None:
     compose = yaml.safe_load((ROOT / "deploy/compose.observability.yaml").read_text())
     for service in compose["services"].values():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
@@ -42,6 +43,14 @@ def test_every_package_of_the_tests_has_the_pinned_version() -> None:
         except PackageNotFoundError:  # an optional one of another package
             continue
         assert PINNED.get(name) == installed, f"{name} {installed} is installed; run `make lock`"
+
+
+def test_every_allowed_numpy_can_forbid_pickles_in_npz_files() -> None:
+    """One before 2.2 takes `allow_pickle=False` for an array and writes it to the file."""
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    (numpy,) = (r for r in map(Requirement, project["dependencies"]) if r.name == "numpy")
+    assert "2.1.3" not in numpy.specifier
+    assert "2.2.0" in numpy.specifier
 
 
 def test_chosen_versions_and_local_parts_are_no_pins_of_their_own() -> None:

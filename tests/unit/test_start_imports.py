@@ -44,7 +44,7 @@ NOISE = {"charset_normalizer", "cython_runtime"}  # by-products of numpy and of 
 BUS = "from helios_core.memory_bus import MemoryBus, MemoryHub; bus = MemoryBus(MemoryHub())\n"
 START = {
     "router": "import helios_core.router",
-    "supervisor": "import helios_client.cli, helios_client.replay.input_selection\n"
+    "supervisor": "import helios_client.cli\n"
     "import helios_client.supervision.forked_process, helios_client.supervision.up\n"
     "import helios_client.supervision.up_flags, helios_core.zenoh_bus",
     "fork server": "from helios_client.supervision import fork_server\n"

@@ -104,6 +104,8 @@ def add(
         raise UsageError(
             "nothing to add; name --robots, --operators or --programs, or use --simulation"
         )
+    if _listed(shared) and not named:
+        raise UsageError(f"--shared {shared} is for the robots of --robots; name them")
 
     def extend(names: Names) -> Names:
         with _usage():
@@ -123,8 +125,9 @@ def renew(
         list[str] | None, typer.Argument(help="certificates, such as map2d.robot  [default: all]")
     ] = None,
     hosts: Annotated[
-        str, typer.Option(help="new names and addresses of the router's machine; renews all")
-    ] = "",
+        str | None,
+        typer.Option(help="new names and addresses of the router's machine; renews all"),
+    ] = None,
     days: Days = None,
 ) -> None:
     """Replace certificates and keys; their names stay. Restart the router and the services
@@ -134,14 +137,13 @@ def renew(
     from helios_client.certs.names import Names, checked_hosts
     from helios_client.usage_errors import UsageError
 
-    machines = _listed(hosts)
-    if machines and names:
+    if hosts is not None and names:
         raise UsageError("--hosts renews all certificates; leave the names out")
+    with _usage():
+        machines = () if hosts is None else checked_hosts(_listed(hosts))
 
     def change(before: Names) -> Names:
-        after = replace(before, days=days or before.days)
-        with _usage():
-            return replace(after, hosts=checked_hosts(machines)) if machines else after
+        return replace(before, days=days or before.days, hosts=machines or before.hosts)
 
     _say_changed(folder, files.renew(folder, names or (), _now(), change))
 

@@ -37,9 +37,11 @@ def chaos(
     """Play tasks in a simulated home while faults hit the services: killed and frozen processes,
     cut and slow links, a full disk, a jumping clock, wrong messages. Exit status 1 if a task is
     lost or a limit is not met."""
+    from helios_client.usage_errors import check_writable
+
     isolation = _load("isolation")
     wanted = _kinds(kinds)
-    _check_file(json_path)
+    check_writable(json_path)
     able = isolation.enter(sys.argv[1:])
     from helios_chaos.chaos_run import ChaosPlan, run_chaos
 
@@ -59,7 +61,9 @@ def stop_distance(
     """Measure in a simulated home how far the robot drives after a stop, and after the loss of
     planner, gateway, the bridge's link and the router; check that a stop outlives every service.
     Exit status 1 if a limit is not met."""
-    _check_file(json_path)
+    from helios_client.usage_errors import check_writable
+
+    check_writable(json_path)
     able = _load("isolation").enter(sys.argv[1:])
     from helios_chaos.stop_distance import run_stop_distance
 
@@ -81,17 +85,18 @@ def soak(
     """Run tasks and idle in turn for hours, and check that memory, handles and the state folder do
     not grow. With --load: compare the services' times with and without many clients. Exit status 1
     if a limit is not met."""
-    from helios_client.usage_errors import UsageError
+    from helios_client.usage_errors import UsageError, check_writable
 
-    if out.exists() and not out.is_dir():
-        raise UsageError(f"{out} is a file; name a folder with --out")
     if load and hours is not None:
         raise UsageError("--load takes as long as its tasks take: omit --hours")
+    kind = "load" if load else "soak"
+    module, result = _load(f"{kind}_run"), out / f"{kind}.json"
+    check_writable(result)
     if load:
-        run = _load("load_run").run_load(seed, out, _say)
-        _end(run.misses(), out / "load.json")
-    run = _load("soak_run").run_soak(hours or 2.0, seed, out, _say)
-    _end(run.misses(), out / "soak.json")
+        run = module.run_load(seed, out, _say)
+    else:
+        run = module.run_soak(hours or 2.0, seed, out, _say)
+    _end(run.misses(), result)
 
 
 def _kinds(text: str) -> tuple[Kind, ...]:
@@ -103,13 +108,6 @@ def _kinds(text: str) -> tuple[Kind, ...]:
     if unknown := [kind for kind in asked if kind not in KINDS]:
         raise UsageError(f"no fault is called {unknown[0]!r}; wanted some of {', '.join(KINDS)}")
     return tuple(kind for kind in KINDS if kind in asked) if asked else KINDS
-
-
-def _check_file(path: Path) -> None:
-    """Raises UsageError for a file that cannot be written, before the long run."""
-    from helios_client.usage_errors import check_writable
-
-    check_writable(path)
 
 
 def _load(module: str):

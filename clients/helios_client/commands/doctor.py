@@ -94,7 +94,8 @@ def examine(
     said = "another process listens on it (HELIOS itself?)"
     if trouble is not None and trouble.errno != errno.EADDRINUSE:
         said = f"no process can listen on it: {trouble.strerror}"
-    remedy = f"{said}; choose another: helios up --port {8080 if port < 1024 else port + 1}"
+    another = 8080 if port < 1024 else port + 1 if port < 65535 else port - 1
+    remedy = f"{said}; choose another: helios up --port {another}"
     out.append(Finding(f"port {port} free", trouble is None, remedy, optional=True))
     state_dir = state_file.default_state_dir(port)
     out.append(_state_dir(state_dir))

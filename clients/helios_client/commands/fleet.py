@@ -17,6 +17,7 @@ from helios_client.commands.shared_options import (
     print_json,
     print_line,
 )
+from helios_client.commands.tasks import cancel_all, say_ignored
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -108,8 +109,7 @@ def cancel_fleet_tasks(at: GatewayAddress, id: str | None, as_json: bool) -> Non
         if id is not None:
             ended = [helios.cancel_fleet_task(_named(helios, id).id)]
         else:
-            still_open = [t for t in helios.fleet_tasks() if not t.ended]
-            ended = [helios.cancel_fleet_task(task.id) for task in still_open]
+            ended = cancel_all(helios.fleet_tasks(), helios.cancel_fleet_task)
     if as_json:
         print_json(ended[0].raw if id is not None else {"tasks": [t.raw for t in ended]})
     for task in () if as_json else ended:
@@ -136,6 +136,7 @@ def submit_to_fleet(
     deadline_s = time.monotonic() + timeout_s
     with replace(at, robot=None).connect() as helios:
         asked = submit(helios)
+        say_ignored(asked.unused)
         if no_wait:
             print_json(asked.raw) if as_json else print_line(asked.id)
             return

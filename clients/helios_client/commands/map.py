@@ -35,7 +35,9 @@ def objects(
 ) -> None:
     """List the objects of the object map, highest score first."""
     from helios_client.commands.tables import object_table, stored_table
+    from helios_client.usage_errors import check_finite
 
+    check_finite("--min-score", min_score)
     with at.connect() as helios:
         found = sorted(helios.objects(class_name, min_score), key=lambda o: -o.score)
         stored = sorted(helios.stored_objects(class_name, min_score), key=lambda o: -o.score)

@@ -62,6 +62,9 @@ def explore(
     no_wait: NoWait = False,
 ) -> None:
     """Explore until all reachable floor is known, or the time is up."""
+    from helios_client.usage_errors import check_finite
+
+    check_finite("--time-limit-s", time_limit_s)
     submit_and_watch(at, lambda helios: helios.explore(time_limit_s), as_json, timeout_s, no_wait)
 
 

@@ -15,6 +15,7 @@ from helios_client.commands.local_address import local_port_of_url
 from helios_client.commands.shared_options import chosen_address
 from helios_client.http.address import PORT
 from helios_client.supervision import state_file
+from helios_client.usage_errors import check_folder
 
 ROUTER_PORT = 7447  # Zenoh's default, which the containers use
 
@@ -34,7 +35,9 @@ class BusAddress:
 
 
 def record(out: Path, bus: BusAddress) -> NoReturn:
-    """Replace this process by the recorder, which then receives its signals."""
+    """Replace this process by the recorder, which then receives its signals. Raises UsageError if
+    `out` cannot be written."""
+    check_folder(out)
     argv = ["--robot", bus.robot, "--out", str(out)]
     argv += ["--router", bus.router] if bus.router else []
     argv += ["--certs", str(bus.certs)] if bus.certs else []
@@ -51,11 +54,11 @@ def bus_address(
     name: str | None,
     url: str | None,
 ) -> BusAddress:
-    """Bus of the running stack that a command's options select. url wins over port, as for all
-    commands.
+    """Bus of the running stack that a command's options select.
 
-    Raises Unavailable if no router is named or known, UsageError if the URL names another machine,
-    whose router is not known.
+    port, url: as typed, both unused with `router` or `state`; `http.address.chosen` chooses. Raises
+    Unavailable if no router is named or known, UsageError if port and url differ, or if the URL
+    names another machine, whose router is not known.
     """
     address = None
     if router is None and state is None:

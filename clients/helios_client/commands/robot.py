@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -20,15 +20,18 @@ from helios_client.commands.shared_options import (
 )
 from helios_client.quick_stop import REASON, SENTENCE
 
+if TYPE_CHECKING:
+    from helios_client.answer_types import RobotAnswer
+
 app = typer.Typer()
 
 
 @app.command()
 @flatten_options
 def status(at: GatewayAddress, state: State = None, as_json: Json = False) -> None:
-    """Show the services' health, and whether the robot is stopped. Works while the gateway is
-    down."""
-    from helios_client.commands.status import find_status, status_table
+    """Show the services' health, and whether the robot is stopped. Without --robot: all robots of
+    the gateway. Works while the gateway is down."""
+    from helios_client.commands.status import closing_lines, find_status, status_table
 
     with at.connect(timeout_s=3.0) as helios:
         found = find_status(helios, at.port_here, state, at.robot)
@@ -37,11 +40,8 @@ def status(at: GatewayAddress, state: State = None, as_json: Json = False) -> No
         return
     screen = console()
     screen.print(status_table(found))
-    if found["stopped"]:
-        screen.print("the robot is stopped", style="red", end="")
-        why = f" ({found['stop_reason']})" if found["stop_reason"] else ""
-        print_line(f"{why}: it will not move until you run helios clear-stop")
-    screen.print("ready" if found["ready"] else "not ready")
+    for line in closing_lines(found):
+        screen.print(line, highlight=False, soft_wrap=True)
 
 
 @app.command()
@@ -103,6 +103,7 @@ def stop(
     """Stop the robot now; it does not move until helios clear-stop."""
     with at.connect() as helios:
         answer = helios.stop_robot(reason)
+    _check_stopped(answer, True, "the robot is stopped; if it moves, use its own stop button")
     if as_json:
         print_json(answer)
     else:
@@ -115,10 +116,20 @@ def clear_stop(at: GatewayAddress, as_json: Json = False) -> None:
     """Lift the emergency stop; the robot may move again."""
     with at.connect() as helios:
         answer = helios.clear_stop()
+    _check_stopped(answer, False, "the stop is cleared")
     if as_json:
         print_json(answer)
     else:
         print("stop cleared; the robot may move again")
+
+
+def _check_stopped(answer: RobotAnswer, stopped: bool, wanted: str) -> None:
+    """Raise Internal unless the answer says that the robot is stopped, or that it is not."""
+    from helios_core.errors import Internal
+
+    state: Any = answer["state"]
+    if not isinstance(state, dict) or state.get("stopped") is not stopped:
+        raise Internal(f"the gateway did not confirm that {wanted}; see helios status")
 
 
 @app.command()

@@ -89,8 +89,8 @@ class GatewayAddress:
 
     @property
     def _port_on_this_machine(self) -> int | None:
-        """`local_port_of_url`, or the port of a URL of this machine (0: no port in it); None
-        elsewhere."""
+        """The typed or default port, or that of a URL of this machine (0: no port in it); None for
+        a URL of another machine. Raises UsageError."""
         from helios_client.http.address import split_url
 
         port, url = chosen_address(self.port, self.url)

@@ -117,20 +117,6 @@ Robots = Annotated[
 ]
 
 
-def chosen_detector(
-    robot: str, source: Path | None, services: str | None, router: str | None
-) -> str:
-    """Detector without --detector. Raises UsageError if this machine runs one and the user must
-    name it."""
-    from helios_client.replay.input_selection import default_detector
-    from helios_client.supervision.fleet_flags import chosen_services
-
-    here = chosen_services(services, router)
-    if here is None or "detector" in here:
-        return default_detector(robot, source)
-    return "simulated"  # not started here
-
-
 @app.command()
 def up(
     robot: RobotKind = "sim",
@@ -165,7 +151,6 @@ def up(
     from helios_client.supervision.forked_process import fork_server_for
 
     with fork_server_for(several=not compact) as server:  # first: it imports meanwhile
-        from helios_client.replay.input_selection import check_source
         from helios_client.supervision.up import Screen
         from helios_client.supervision.up import up as run_up
         from helios_client.supervision.up_flags import UpFlags, stack_options
@@ -173,17 +158,13 @@ def up(
         stack = stack_options(
             UpFlags(
                 robot=robot, port=port, seed=seed, preset=preset, home=home, level=level,
-                furniture=furniture, state=state,
-                detector=detector or chosen_detector(robot, source, services, router),
-                scorer=scorer, agent=agent,
+                furniture=furniture, state=state, detector=detector, scorer=scorer, agent=agent,
                 source=source, rate=rate, record=record, record_dir=record_dir,
                 spot_host=spot_host, ros2=ros2, router_port=router_port, router_host=router_host,
                 certs=certs, name=name, compact=compact, services=services, router=router,
                 robots=robots, tracing=tracing, log_format=log_format,
             )
         )  # fmt: skip
-        if source is not None:
-            check_source(source)
         run_up(stack, Screen(), server)
 
 
@@ -250,10 +231,10 @@ def replay(
     from helios_client.interrupt_signals import noted_interrupts
 
     with noted_interrupts() as interrupts:
-        from helios_client.replay.input_selection import check_source, search_and_detector
+        from helios_client.replay.input_selection import search_and_detector
         from helios_client.replay.run import PlaybackOptions, ReplayJob
         from helios_client.replay.run import replay as run_replay
-        from helios_client.supervision.flag_checks import check_detector
+        from helios_client.supervision.flag_checks import check_detector, check_source
 
         screen = console()
         check_source(dataset)

@@ -19,9 +19,10 @@ from helios_client.commands.shared_options import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Sequence
 
     from helios_client.answer_types import Suggestions, Task
+    from helios_client.commands.tables import AnyTask
     from helios_client.sdk import Helios
 
 app = typer.Typer()
@@ -81,6 +82,9 @@ def task(
     Ctrl-C cancels the task. If the robot is stopped, a note says that the task waits for helios
     clear-stop.
     """
+    from helios_client.usage_errors import check_finite
+
+    check_finite("--time-limit-s", time_limit_s)
     asked = (instruction, max_steps, agent, time_limit_s, priority, named_values(own or ()))
     if at.is_for_fleet:
         from helios_client.commands.fleet import submit_to_fleet
@@ -88,6 +92,13 @@ def task(
         submit_to_fleet(at, lambda h: h.submit_to_fleet(*asked), as_json, timeout_s, no_wait)
         return
     submit_and_watch(at, lambda helios: helios.submit(*asked), as_json, timeout_s, no_wait)
+
+
+def say_ignored(unused: Sequence[str]) -> None:
+    """Print the words of an instruction that have no effect, if there are any."""
+    if unused:
+        said = ", ".join(f"“{words}”" for words in unused)
+        print_line(f"helios: ignored: {said}", stderr=True)
 
 
 def submit_and_watch(
@@ -106,9 +117,7 @@ def submit_and_watch(
         if (port := at.port_here) is not None:
             wait_while_starting(helios, port, console(stderr=True), timeout_s)
         asked = submit(helios)
-        if asked.unused:
-            said = ", ".join(f"“{words}”" for words in asked.unused)
-            print_line(f"helios: ignored: {said}", stderr=True)
+        say_ignored(asked.unused)
         # With --json the live view goes to stderr, so that stdout holds only JSON.
         notes = console(stderr=True)
         if no_wait:
@@ -238,7 +247,7 @@ def cancel(
         if id is not None:
             _print_task(helios.cancel(task_by_name(helios, id).id), as_json)
             return
-        ended = _cancel_all(helios)
+        ended = cancel_all(helios.tasks(), helios.cancel)
     if as_json:
         print_json({"tasks": [task.raw for task in ended]})
     else:
@@ -247,16 +256,19 @@ def cancel(
         print(f"{counted(len(ended), 'task')} cancelled")
 
 
-def _cancel_all(helios: Helios) -> list[Task]:
-    """Cancel all tasks, the queued ones first, so that none of them starts. Returns the cancelled
-    tasks. Raises HeliosError."""
+def cancel_all(tasks: Iterable[AnyTask], cancel: Callable[[str], AnyTask]) -> list[AnyTask]:
+    """Cancel the tasks that have not ended, so that none of them starts meanwhile: first those of
+    the fleet without a robot, then other queued ones. Returns the cancelled tasks. Raises
+    HeliosError."""
     from helios_core.errors import Conflict
 
-    open_tasks = [task for task in helios.tasks() if not task.ended]
+    def order(task: AnyTask) -> tuple[bool, bool]:
+        return task.state != "queued", bool(getattr(task, "robot", ""))
+
     cancelled = []
-    for task in sorted(open_tasks, key=lambda task: task.state != "queued"):
+    for task in sorted((task for task in tasks if not task.ended), key=order):
         try:
-            cancelled.append(helios.cancel(task.id))
+            cancelled.append(cancel(task.id))
         except Conflict:  # it has already ended
             continue
     return cancelled

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 from urllib.parse import quote
 
 import httpx
@@ -39,10 +40,21 @@ from helios_client.answer_types import (
     Task,
     Trace,
     Vocabulary,
+    check_keys,
 )
 from helios_client.http.errors import response_error
 
 T = TypeVar("T")
+# What a reader raises for an answer of another form than HELIOS gives.
+FOREIGN = (
+    LookupError,
+    TypeError,
+    ValueError,
+    AttributeError,
+    EOFError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 
 MAP_S = 180.0  # longest wait for both maps of a large home
 DRIVE_S = 30.0  # one short move of a slow robot
@@ -64,7 +76,7 @@ class Call(Generic[T]):
 
     def answer(self, response: httpx.Response) -> T:
         """Value read from the response. Raises the HeliosError that an error response stands
-        for."""
+        for, and Internal for an answer that is none of HELIOS'."""
         if response.is_error:
             raise response_error(response)
         if not response.is_success:
@@ -72,7 +84,12 @@ class Call(Generic[T]):
                 f"{response.request.url} answered {response.status_code}, which redirects to "
                 f"{response.headers.get('location', 'nowhere')}; give that address (HELIOS_URL)"
             )
-        return self.read(response)
+        try:
+            return self.read(response)
+        except FOREIGN as error:
+            raise Internal(
+                f"{response.request.url} answered something else than expected; is HELIOS there?"
+            ) from error
 
 
 def event_query(types: Iterable[str], task_id: str | None) -> dict[str, str]:
@@ -152,7 +169,7 @@ def fault_recording(name: str) -> Call[bytes]:
 
 
 def fleet() -> Call[Fleet]:
-    return Call("GET", "/fleet", _json, of_all=True)
+    return Call("GET", "/fleet", _object_of(Fleet), of_all=True)
 
 
 def submit_to_fleet(task: Call[Task], robot: str) -> Call[FleetTask]:
@@ -181,11 +198,11 @@ def cancel_fleet_task(id: str) -> Call[FleetTask]:
 
 
 def vocabulary() -> Call[Vocabulary]:
-    return Call("GET", "/vocabulary", _json)
+    return Call("GET", "/vocabulary", _object_of(Vocabulary))
 
 
 def suggestions(limit: int) -> Call[Suggestions]:
-    return Call("GET", "/suggestions", _json, query={"limit": limit})
+    return Call("GET", "/suggestions", _object_of(Suggestions), query={"limit": limit})
 
 
 def objects(class_name: str | None, min_score: float | None) -> Call[tuple[FoundObject, ...]]:
@@ -213,7 +230,7 @@ def found_object(id: int) -> Call[FoundObject]:
 
 
 def map_info() -> Call[MapInfo]:
-    return Call("GET", "/map", _json)
+    return Call("GET", "/map", _object_of(MapInfo))
 
 
 def frontiers() -> Call[list[Frontier]]:
@@ -240,12 +257,14 @@ def save_map() -> Call[bytes]:
 
 def load_map(data: bytes, same_frame: bool) -> Call[LoadedMaps]:
     query = {"same_frame": True} if same_frame else {}
-    return Call("PUT", "/map.zip", _json, query=query, content=data, timeout_s=MAP_S)
+    return Call(
+        "PUT", "/map.zip", _object_of(LoadedMaps), query=query, content=data, timeout_s=MAP_S
+    )
 
 
 def reset_map(only: str | None) -> Call[ResetMaps]:
     query = {} if only is None else {"only": only}
-    return Call("POST", "/map/reset", _json, query=query, timeout_s=MAP_S)
+    return Call("POST", "/map/reset", _object_of(ResetMaps), query=query, timeout_s=MAP_S)
 
 
 def seen(prompt: str, limit: int) -> Call[Seen]:
@@ -268,15 +287,15 @@ def camera() -> Call[bytes]:
 
 
 def robot() -> Call[RobotAnswer]:
-    return Call("GET", "/robot", _json)
+    return Call("GET", "/robot", _object_of(RobotAnswer))
 
 
 def stop_robot(reason: str) -> Call[RobotAnswer]:
-    return Call("POST", "/robot/stop", _json, {"reason": reason})
+    return Call("POST", "/robot/stop", _object_of(RobotAnswer), {"reason": reason})
 
 
 def clear_stop() -> Call[RobotAnswer]:
-    return Call("POST", "/robot/clear-stop", _json)
+    return Call("POST", "/robot/clear-stop", _object_of(RobotAnswer))
 
 
 def go(x_m: float, y_m: float, yaw_rad: float | None) -> Call[Task]:
@@ -296,15 +315,18 @@ def home() -> Call[Task]:
 def drive(forward_m: float, turn_rad: float) -> Call[DriveAnswer]:
     asked = {"forward_m": forward_m, "turn_rad": turn_rad}
     body = {name: value for name, value in asked.items() if value}
-    return Call("POST", "/robot/drive", _json, body, timeout_s=DRIVE_S)
+    return Call("POST", "/robot/drive", _object_of(DriveAnswer), body, timeout_s=DRIVE_S)
 
 
 def robot_checks(restart: bool) -> Call[RobotChecks]:
-    return Call("POST" if restart else "GET", "/robot/checks", _json, timeout_s=DRIVE_S)
+    verb = "POST" if restart else "GET"
+    return Call(verb, "/robot/checks", _object_of(RobotChecks), timeout_s=DRIVE_S)
 
 
-def status() -> Call[Status]:
-    return Call("GET", "/status", _json)
+def status(robot: str | None) -> Call[Status]:
+    if robot is None:
+        return Call("GET", "/status", _object_of(Status))
+    return Call("GET", f"/robots/{_part(robot)}/status", _object_of(Status), of_all=True)
 
 
 def service_settings(service: str) -> Call[dict[str, Any]]:
@@ -345,6 +367,17 @@ def _json(response: httpx.Response) -> Any:
         return response.json()
     except ValueError as error:
         raise Internal(f"{response.request.url} answered no JSON; is HELIOS there?") from error
+
+
+def _object_of(kind: type[T]) -> Callable[[httpx.Response], T]:
+    """Reader of a JSON object that has the required keys of a TypedDict."""
+
+    def read(response: httpx.Response) -> T:
+        answer = _json(response)
+        check_keys(answer, cast(Any, kind).__required_keys__)
+        return answer
+
+    return read
 
 
 def _arrays(data: bytes) -> dict[str, NDArray]:

@@ -1,4 +1,4 @@
-"""Source, searches and detector of a replay, from its flags."""
+"""Searches and detector of a replay, from its flags."""
 
 from __future__ import annotations
 
@@ -12,23 +12,6 @@ if TYPE_CHECKING:
     from helios_core.types import SearchContext
 
 
-def check_source(source: Path) -> None:
-    """Raise UsageError if the source does not exist. Its format is checked later."""
-    if not source.exists():
-        raise UsageError(
-            f"there is no data set at {source}; name a recording (.mcap), a data set or a ROS bag"
-        )
-
-
-def default_detector(robot: str, source: Path | None) -> str:
-    """Default detector of `helios up`. Raises UsageError if the user must name one."""
-    if robot == "sim":
-        return "simulated"
-    if robot == "replay" and source is not None and _is_recording(source):
-        return RECORDED_DETECTOR
-    raise UsageError(f"--robot {robot} needs a detector; name one with --detector onnx:FILE")
-
-
 def search_and_detector(
     source: Path, classes: str | None, thresholds: str, detector: str | None
 ) -> tuple[SearchContext | None, str]:
@@ -36,9 +19,11 @@ def search_and_detector(
 
     Raises UsageError if an omitted flag would need a recording.
     """
+    from helios_replay.format_detection import is_recording
+
     from helios_client.replay.class_thresholds import search_context_from_flags
 
-    recorded = _is_recording(source)
+    recorded = is_recording(source)
     if classes is None:
         if not recorded:
             raise UsageError(
@@ -53,9 +38,3 @@ def search_and_detector(
             "detector with --detector onnx:FILE"
         )
     return search_context_from_flags(classes, thresholds), detector
-
-
-def _is_recording(source: Path) -> bool:
-    from helios_replay.format_detection import is_recording
-
-    return is_recording(source)

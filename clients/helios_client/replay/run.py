@@ -79,9 +79,11 @@ def replay(job: ReplayJob, interrupts: Interrupts, console: Console) -> Results:
         known = examine(job, console)
     check_models((job.detector,))
     try:
-        job.out.mkdir(parents=True, exist_ok=True)
+        job.log_dir.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InvalidInput(f"--out {job.out} cannot be created: {error.strerror}") from error
+        raise InvalidInput(
+            f"--out {job.out} cannot be used ({error.filename}: {error.strerror}); choose another"
+        ) from error
     playback = job.playback
     stack = StackOptions(
         robot="replay", router_port=free_port(), state_dir=job.out, detector=job.detector,

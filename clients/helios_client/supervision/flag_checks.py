@@ -5,6 +5,7 @@ They load no model and run no plug-in code. The service does that, and reports f
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -22,13 +23,22 @@ from helios_client.usage_errors import UsageError
 
 ROBOTS = ("sim", "replay", "spot", "ros2", "bus", "push", REMOTE)
 _DETECTORS = ("simulated", "ground-truth", RECORDED_DETECTOR)
-_SIMULATED = "simulated"  # scorer; also simulated:TABLE
+_SIMULATED = "simulated"  # detector, and scorer; the scorer also simulated:TABLE
 _SCORERS = ("lexical", "minilm", _SIMULATED)
 _WITH_A_WORLD = ("sim", REMOTE)  # robots; the simulator may run on the other machine
 ROUTER_HOSTS = (LOOPBACK, "0.0.0.0", "::")
 FURNITURE = ("parametric", "realistic")
 DEFAULT_PRESET = "demo-v1"
 LIKE_PLANS = "ovmm-v1"  # preset whose noise and number of actions the home of a plan has
+_OF_ONE_ROBOT: dict[str, tuple[str, object]] = {  # flag -> its robot, and its default
+    "spot_host": ("spot", None),
+    "source": ("replay", None),
+    "rate": ("replay", 1.0),
+    "seed": ("sim", 0),
+    "preset": ("sim", DEFAULT_PRESET),
+    "home": ("sim", None),
+    "furniture": ("sim", None),
+}
 
 
 def check_robot(robot: str) -> str:
@@ -51,14 +61,17 @@ def check_log_format(name: str) -> str:
     return name.lower()
 
 
-def check_together(robot: str, spot_host: str | None, source: Path | None) -> None:
-    """Raise UsageError for a flag that does not belong to this robot, or that it lacks."""
-    if spot_host is not None and robot != "spot":
-        raise UsageError("--spot-host is valid only with --robot spot")
-    if robot == "replay" and source is None:
+def check_together(robot: str, given: Mapping[str, object]) -> None:
+    """Raise UsageError for a flag that does not belong to this robot, or that it lacks.
+
+    robot: as `check_robot` returns it. given: values of the flags of `helios up`, by name.
+    """
+    for name, (wanted, default) in _OF_ONE_ROBOT.items():
+        if robot != wanted and given[name] != default:
+            flag = f"--{name.replace('_', '-')}"
+            raise UsageError(f"{flag} is valid only with --robot {wanted}, and --robot is {robot}")
+    if robot == "replay" and given["source"] is None:
         raise UsageError("--robot replay needs --source, the recording or data set to play")
-    if source is not None and robot != "replay":
-        raise UsageError("--source is valid only with --robot replay")
 
 
 def check_router(host: str, certs: Path | None) -> None:
@@ -84,6 +97,27 @@ def check_no_own_router(host: str, port: int | None) -> None:
                 f"{flag} is for the router that this command starts, and --router names one "
                 "elsewhere; give its port with --router HOST:PORT"
             )
+
+
+def check_source(source: Path) -> None:
+    """Raise UsageError if the source does not exist. Its format is checked later."""
+    if not source.exists():
+        raise UsageError(
+            f"there is no data set at {source}; name a recording (.mcap), a data set or a ROS bag"
+        )
+
+
+def default_detector(robot: str, source: Path | None) -> str:
+    """Default detector of `helios up`. robot: as `check_robot` returns it. Raises UsageError if the
+    user must name one."""
+    if robot == "sim":
+        return _SIMULATED
+    if robot == "replay" and source is not None:
+        from helios_replay.format_detection import is_recording
+
+        if is_recording(source):
+            return RECORDED_DETECTOR
+    raise UsageError(f"--robot {robot} needs a detector; name one with --detector onnx:FILE")
 
 
 def check_detector(detector: str) -> str:
@@ -112,7 +146,7 @@ def check_agent(agent: str) -> str:
     return _check(plugins.AGENTS, agent, AGENT_NAMES, "")
 
 
-def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str | None]:
+def check_home(preset: str, furniture: str | None) -> tuple[str, str | None]:
     """Preset and furniture as the simulator spells them.
 
     Raises UsageError, also for realistic furniture that has not been baked.
@@ -123,8 +157,6 @@ def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str
             wanted = " or ".join(FURNITURE)
             raise UsageError(f"no furniture is called {furniture!r}; wanted {wanted}")
         furniture = known
-    if robot != "sim":
-        return preset, furniture
     if preset != DEFAULT_PRESET:
         from helios_sim.home.presets import PRESETS  # late import: it takes half a second
 
@@ -142,9 +174,7 @@ def check_home(robot: str, preset: str, furniture: str | None) -> tuple[str, str
     return preset, furniture
 
 
-def check_plan(
-    robot: str, preset: str, home: Path | None, level: str | None
-) -> tuple[str, list[str]]:
+def check_plan(preset: str, home: Path | None, level: str | None) -> tuple[str, list[str]]:
     """Name of a plan with a digest of its content, and sentences on rooms that the robot cannot
     reach; empty without a plan.
 
@@ -154,8 +184,6 @@ def check_plan(
         if level is not None:
             raise UsageError(f"--level {level} came without a plan; add --home FILE.sh3d")
         return "", []
-    if robot != "sim":
-        raise UsageError("--home is valid only with --robot sim")
     if preset != DEFAULT_PRESET:
         raise UsageError(f"--home {home} and --preset {preset} both name the home; leave one out")
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from helios_core.errors import InvalidInput
@@ -18,6 +19,7 @@ SERVICES = (
 WITH_THE_ROUTER = ("router", "gateway")  # left out by --router, unless --services names them
 MOST_ROBOTS = 100
 DEFAULT_PORT = DEFAULT_ROUTER.rpartition(":")[2]
+_PLACE = re.compile(r"(?P<host>\[[^\s\[\]]+\]|[^\s:\[\]]+)(:(?P<port>[0-9]{1,5}))?")
 
 
 def chosen_services(text: str | None, router: str | None) -> frozenset[str] | None:
@@ -49,16 +51,14 @@ def router_endpoint(text: str, certs: Path | None) -> str:
     """Endpoint of a router elsewhere, from HOST, HOST:PORT or tcp/HOST:PORT. Raises UsageError."""
     kind, _, place = text.rpartition("/")
     kind = kind or ("tcp" if certs is None else "tls")
-    inside_brackets = place.startswith("[")
-    host, colon, port = place.rpartition(":")
-    if not colon or (inside_brackets and place.endswith("]")):
-        host, port = place, DEFAULT_PORT
-    is_port = port.isdecimal() and 0 < int(port) < 65536
-    if kind not in ("tcp", "tls") or not host or not is_port:
+    found = _PLACE.fullmatch(place)
+    port = int((found and found["port"]) or DEFAULT_PORT)
+    if kind not in ("tcp", "tls") or found is None or not 0 < port < 65536:
         raise UsageError(
-            f"--router is {text!r}; wanted HOST or HOST:PORT, such as 10.0.0.2:{DEFAULT_PORT}"
+            f"--router is {text!r}; wanted HOST or HOST:PORT, such as 10.0.0.2:{DEFAULT_PORT}, "
+            "with brackets around an IPv6 address, such as [::1]"
         )
-    return f"{kind}/{host}:{port}"
+    return f"{kind}/{found['host']}:{port}"
 
 
 def fleet_names(text: str | None, robot: str, name: str) -> tuple[str, ...]:

@@ -254,11 +254,14 @@ def _python(module: str, *args: str, python: str | None = None) -> tuple[str, ..
     return (python or sys.executable, "-m", module, *args)
 
 
-def free_port() -> int:
-    """TCP port on loopback that was free at the time of the call."""
-    with socket.socket() as s:
-        s.bind((LOOPBACK, 0))
-        return int(s.getsockname()[1])
+def free_port(apart_from: int | None = None) -> int:
+    """TCP port on loopback, not `apart_from`, that was free at the time of the call."""
+    while True:
+        with socket.socket() as s:
+            s.bind((LOOPBACK, 0))
+            port = int(s.getsockname()[1])
+        if port != apart_from:
+            return port
 
 
 def port_bind_error(port: int, host: str = LOOPBACK) -> OSError | None:

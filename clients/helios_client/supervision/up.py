@@ -32,7 +32,7 @@ from helios_client.supervision.service_table import (
 from helios_client.supervision.supervisor import ProcessInfo, ProcessState, Supervisor
 from helios_client.supervision.unknown_variables import unread_variables_message
 from helios_client.terminal_output import Screen as TextScreen
-from helios_client.usage_errors import UsageError
+from helios_client.usage_errors import UsageError, check_folder
 
 CHECK_PERIOD_S = 0.05
 WRITE_PERIOD_S = 2.0
@@ -62,8 +62,13 @@ def up(stack: StackOptions, screen: Screen, server: ForkServer | None = None) ->
         check_port(stack.port, "--port")
     if "router" in here:
         check_port(stack.router_port, "--router-port", stack.router_host)
+    if {"gateway", "router"} <= here and stack.port == stack.router_port:
+        raise UsageError(
+            f"--port and --router-port are both {stack.port}; choose another port for one of them"
+        )
     stack = replace(stack, state_dir=stack.state_dir.resolve())
     try:
+        stack.log_dir.mkdir(parents=True, exist_ok=True)
         held = state_file.lock(stack.state_dir)
     except state_file.StateDirLocked:
         raise Conflict(
@@ -71,12 +76,14 @@ def up(stack: StackOptions, screen: Screen, server: ForkServer | None = None) ->
         ) from None
     except OSError as error:
         raise InvalidInput(
-            f"the state folder {stack.state_dir} cannot be used ({error.strerror}); choose "
-            "another with --state"
+            f"the state folder {stack.state_dir} cannot be used ({error.filename}: "
+            f"{error.strerror}); choose another with --state"
         ) from error
-    stopping = threading.Event()
-    on_signals(ending_signals(), stopping.set)
     with held:
+        if stack.record is not None and "recorder" in map(service_of, here):
+            check_folder(stack.record)
+        stopping = threading.Event()
+        on_signals(ending_signals(), stopping.set)
         _Run(stack, screen, server).run(stopping)
 
 

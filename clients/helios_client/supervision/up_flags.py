@@ -24,7 +24,7 @@ MODEL_VARIABLES = ("HELIOS_DETECTOR_MASKS", "HELIOS_DETECTOR_DEPTH")
 
 @dataclass(frozen=True)
 class UpFlags:
-    """Flags of `helios up`, as given; None where the flag is missing. `detector` has a value."""
+    """Flags of `helios up`, as given; None where the flag is missing."""
 
     robot: str
     port: int
@@ -34,7 +34,7 @@ class UpFlags:
     level: str | None
     furniture: str | None
     state: Path | None
-    detector: str
+    detector: str | None
     scorer: str | None
     agent: str | None
     source: Path | None
@@ -60,14 +60,17 @@ def stack_options(given: UpFlags) -> StackOptions:
     wrong, names a model that is missing, or does not fit another."""
     robot = flag_checks.check_robot(given.robot)
     flag_checks.check_name(given.name)
-    flag_checks.check_together(robot, given.spot_host, given.source)
+    flag_checks.check_together(robot, vars(given))
+    if given.source is not None:
+        flag_checks.check_source(given.source)
+    services = chosen_services(given.services, given.router)
     certs, router_port = _router(given)
-    detector = flag_checks.check_detector(given.detector)
+    detector = flag_checks.check_detector(given.detector or _detector(robot, given, services))
     scorer = None if given.scorer is None else flag_checks.check_scorer(given.scorer, robot)
     check_models((detector, scorer, *map(os.environ.get, MODEL_VARIABLES)))
     agent = None if given.agent is None else flag_checks.check_agent(given.agent)
-    preset, furniture = flag_checks.check_home(robot, given.preset, given.furniture)
-    plan_name, remarks = flag_checks.check_plan(robot, preset, given.home, given.level)
+    preset, furniture = flag_checks.check_home(given.preset, given.furniture)
+    plan_name, remarks = flag_checks.check_plan(preset, given.home, given.level)
     for remark in remarks:
         print(f"helios: {remark}", file=sys.stderr)
     of_preset = preset_defaults(
@@ -83,7 +86,7 @@ def stack_options(given: UpFlags) -> StackOptions:
     return kind(
         robot=robot, router_port=router_port, state_dir=state_dir,
         name=several[0] if several else given.name,
-        services=chosen_services(given.services, given.router),
+        services=services,
         router_at="" if given.router is None else router_endpoint(given.router, certs),
         port=given.port, seed=given.seed, preset=preset, home=given.home and given.home.resolve(),
         level=given.level, home_name=plan_name, furniture=furniture, detector=detector,
@@ -97,6 +100,14 @@ def stack_options(given: UpFlags) -> StackOptions:
     )  # fmt: skip
 
 
+def _detector(robot: str, given: UpFlags, services: frozenset[str] | None) -> str:
+    """Detector without --detector. Raises UsageError if this machine runs one and the user must
+    name it."""
+    if services is None or "detector" in services:
+        return flag_checks.default_detector(robot, given.source)
+    return "simulated"  # not started here
+
+
 def _router(given: UpFlags) -> tuple[Path | None, int]:
     """Absolute folder of the certificates, and the port of the router; 0 for one elsewhere."""
     if given.router is not None:
@@ -104,8 +115,9 @@ def _router(given: UpFlags) -> tuple[Path | None, int]:
         return given.certs and given.certs.absolute(), 0
     flag_checks.check_router(given.router_host, given.certs)
     if given.certs is None:
-        return None, given.router_port or free_port()
+        return None, given.router_port or free_port(apart_from=given.port)
     certs = given.certs.absolute()
     listed_port = listen_port(certs)
     is_open = given.router_host != LOOPBACK
-    return certs, given.router_port or (listed_port if is_open else free_port())
+    own_port = listed_port if is_open else free_port(apart_from=given.port)
+    return certs, given.router_port or own_port

@@ -120,7 +120,7 @@ def map_after_updates(
 
     columns: image columns of the table.
     """
-    objects = ObjectMap(ObjectMapSettings(evidence=evidence, renderer=renderer))
+    objects = ObjectMap(ObjectMapSettings.read(evidence=evidence, renderer=renderer))
     for i in range(updates):
         objects.update(shifted_observation(i, columns), CONTEXT)
     return objects
@@ -144,7 +144,7 @@ def tiled_map(objects: ObjectMap, copies: int) -> ObjectMap:
     ]
     arrays |= {k: np.concatenate(parts) for k, parts in rows.items()}
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
-    out = ObjectMap(ObjectMapSettings())
+    out = ObjectMap(ObjectMapSettings.read())
     out.load_content(persistence.read(persistence.to_bytes(arrays), out.empty_viewpoints()).content)
     out.set_context(CONTEXT)
     return out

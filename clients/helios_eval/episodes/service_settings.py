@@ -12,6 +12,7 @@ from typing import Any, cast
 
 from helios_client.usage_errors import UsageError
 from helios_core.agent_presets import settings_for
+from helios_core.printable_text import plain_error
 from helios_core.settings import ServiceSettings
 from helios_detector.settings import Settings as DetectorSettings
 from helios_map2d.settings import Settings as Map2DSettings
@@ -147,5 +148,5 @@ def _value(service: str, field: str, text: str) -> object:
         return value
     except ValidationError as error:
         raise UsageError(
-            f"--set {service}.{field}={text}: {error.errors()[0]['msg'].lower()}"
+            f"--set {service}.{field}={text}: {plain_error(error.errors()[0]['msg']).lower()}"
         ) from error

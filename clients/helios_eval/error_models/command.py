@@ -16,7 +16,7 @@ from helios_sim.home.presets import PRESETS
 
 from helios_eval.error_models.chart import draw
 from helios_eval.error_models.model_building import FITTED, Built, of_homes, of_recordings
-from helios_eval.error_models.recordings import look_at_recordings, read_places
+from helios_eval.error_models.recordings import RECORDED, look_at_recordings, read_places
 from helios_eval.error_models.simulated_homes import look_at_homes
 
 FIRST_SEED_NOT_PLAYED = 1000  # later homes are for evaluations
@@ -54,12 +54,16 @@ def calibrate(job: Job, say: Callable[[str], None]) -> Built:
         raise UsageError("name recordings, or simulated homes with --homes 0-19; not both")
     if job.homes and job.places is not None:
         raise UsageError("--places is for recordings; the truth of homes is known")
+    if job.homes and job.detector == RECORDED:
+        raise UsageError(
+            f"--detector {RECORDED} needs recordings; with --homes name simulated:TABLE or a model"
+        )
     if job.preset not in PRESETS:
         raise UsageError(f"no preset is called {job.preset!r}; wanted one of {', '.join(PRESETS)}")
     for file in (job.out, job.chart):
         if file is not None:
             check_writable(file)
-    settings = ObjectMapSettings()
+    settings = ObjectMapSettings.read()
     if job.homes:
         seen = look_at_homes(
             job.detector, seeds_of(job.homes), job.preset, job.things, job.threads, settings, say

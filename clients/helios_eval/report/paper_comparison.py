@@ -60,11 +60,11 @@ def relations(arms: Sequence[Arm]) -> Table | None:
         return None
     return rows.table(
         "Relations: the paper's and ours",
-        ["ratio of", "paper", "here", "n", "so"],
+        ["ratio of", "paper", "here", "n", "verdict"],
         "Ratio of the means over the same homes, with the 95 % interval of a paired bootstrap. "
         f"Ratios may be held against the paper's, absolute figures may not. {number_format.RULE}",
         TAG,
-        words=["so"],
+        words=["verdict"],
     )
 
 

@@ -97,12 +97,12 @@ def section(arms: Sequence[Arm]) -> Section | None:
     if rows.rows:
         table = rows.table(
             "Paired differences",
-            ["of the same homes", "first", "second", "difference", "95 %", "ratio", "n", "so"],
+            ["of the same homes", "first", "second", "difference", "95 %", "ratio", "n", "verdict"],
             "First minus second and first over second, unlimited picks, each with the 95 % "
             "interval of a paired bootstrap, and of a difference with Newcombe's score interval "
             "where fewer than six homes differ; below a ratio the paper's own. A difference is "
             f"settled where its interval leaves 0 out. {number_format.RULE}",
-            words=["so"],
+            words=["verdict"],
         )
         blocks += [plots.forest(bars), table]
     blocks += [ideas] if ideas is not None else []
@@ -204,12 +204,12 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
     return (
         rows.table(
             "Ideas beyond the paper, against the paper's method",
-            ["idea − helios-paper", *IDEA_METRICS, "n", "so"],
+            ["idea − helios-paper", *IDEA_METRICS, "n", "verdict"],
             "Difference of the means over the same homes, percent points or the metric's unit, "
             "with the 95 % interval of a paired bootstrap; of collisions and steps less is better. "
             "Not corrected for the number of ideas: of twenty without effect one would look "
             f"settled in any one metric. {number_format.RULE}",
-            words=["so"],
+            words=["verdict"],
         )
         if rows.rows
         else None

@@ -12,6 +12,7 @@ from typing import Any
 
 from helios_core.errors import InvalidInput, Unavailable
 from helios_core.models.model_folder import fetched
+from helios_core.printable_text import counted
 from numpy.typing import NDArray
 
 from helios_detector.hf.model_errors import EXTRA, check_whole, load_fault, out_of_memory, run_fault
@@ -191,8 +192,8 @@ class HfModel:
         self._dtype = _dtype(self._placement.precision, self.device, torch)
         if self.device == "cpu":
             torch.set_num_threads(self._placement.threads)
-        self._check_room(self._weights_dtype(torch).itemsize)
         try:
+            self._check_room(self._weights_dtype(torch).itemsize)
             processor = getattr(transformers, self._processor_class).from_pretrained(
                 self.source, local_files_only=True
             )
@@ -232,18 +233,24 @@ def _device(wanted: str, torch: Any) -> str:
         if torch.cuda.is_available():
             return "cuda"
         return "mps" if torch.backends.mps.is_available() else "cpu"
-    kind = wanted.partition(":")[0]
+    kind, colon, number = wanted.partition(":")
     have = {
         "cpu": True,
         "cuda": torch.cuda.is_available(),
         "mps": torch.backends.mps.is_available(),
     }
-    if kind not in have:
+    numbered = kind == "cuda" and bool(colon)
+    if kind not in have or (numbered and not (number.isascii() and number.isdecimal())):
         raise InvalidInput(f"device is {wanted!r}; set auto, cpu, cuda, cuda:N or mps")
     if not have[kind]:
         raise Unavailable(
             f"device is {wanted!r} and torch {torch.__version__} finds none here; install a driver "
             "and a torch built for it, or set device to cpu"
+        )
+    if numbered and int(number) >= (count := torch.cuda.device_count()):
+        raise Unavailable(
+            f"device is {wanted!r} and torch {torch.__version__} finds "
+            f"{counted(count, 'CUDA device')} here; set device to cuda:N with N below {count}"
         )
     return wanted
 

@@ -19,6 +19,7 @@ from typing import Annotated
 
 import numpy as np
 from helios_core.errors import InvalidInput
+from helios_core.printable_text import plain_error
 from helios_core.types import Frame
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -98,8 +99,8 @@ def load_scorer_table(name_or_path: str) -> tuple[ScorerTable, str]:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"]))
         raise InvalidInput(
-            f"the scorer table {name_or_path!r} is wrong ({where}: {first['msg']}); it needs the "
-            f"entries of {DEFAULT_TABLE}.toml"
+            f"the scorer table {name_or_path!r} is wrong ({where}: {plain_error(first['msg'])}); "
+            f"it needs the entries of {DEFAULT_TABLE}.toml"
         ) from error
     return table, digest
 

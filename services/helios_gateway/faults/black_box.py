@@ -17,10 +17,10 @@ from dataclasses import dataclass, field
 from google.protobuf.message import Message
 from helios_core import proto as pb
 from helios_core.errors import HeliosError
-from helios_core.image_messages import ImageMessage
-from helios_core.recording_format import channel_of, head_of
+from helios_core.image_messages import ImageMessage, apart
+from helios_core.recording_format import channel_of
 from helios_core.topics import FRAME, KEYFRAME, PREVIEW
-from helios_core.viewing.bus_messages import is_retained
+from helios_core.viewing.bus_messages import is_retained, without_pixels
 from helios_core.viewing.entry import Entry
 from helios_core.viewing.message_entries import Entries
 from helios_core.viewing.message_queue import Item, MessageQueue
@@ -165,7 +165,7 @@ class BlackBox:
     def _take(self, item: Item) -> None:
         message = item.message
         if isinstance(message, pb.Observation):  # the frame's pixels come as keyframes
-            message = _without_pixels(message)
+            message = without_pixels(apart(message))
         try:
             entries = list(self._entries.of(item.channel, message, item.log_time_ns))
         except HeliosError as error:  # an unreadable image
@@ -197,20 +197,3 @@ def _plain(message: Message | ImageMessage, pixels: bool) -> Message:
     if not isinstance(message, ImageMessage):
         return message
     return message.whole() if pixels else message.head
-
-
-def _without_pixels(message: pb.Observation) -> pb.Observation:
-    out = pb.Observation(
-        frame=head_of(message.frame),
-        context_id=message.context_id,
-        detections=message.detections,
-        layer_scores=message.layer_scores,
-        detector=message.detector,
-        detect_ms=message.detect_ms,
-        scorer=message.scorer,
-        others=message.others,
-        class_scores=message.class_scores,
-    )
-    if message.HasField("image_embedding"):
-        out.image_embedding.CopyFrom(message.image_embedding)
-    return out

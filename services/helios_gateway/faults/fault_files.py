@@ -13,10 +13,10 @@ import logging
 import math
 import re
 import shutil
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from helios_core.atomic_file import write_file
 
@@ -27,8 +27,9 @@ log = logging.getLogger(__name__)
 MOST_FILES = 100
 SHARE_OF_DISK = 0.25
 LIST_NAME = "faults.json"
-SUFFIX = ".mcap"
 NAME = re.compile(r"[0-9]{8}T[0-9]{6}Z-[a-z0-9-]{1,80}\.mcap")  # nothing else is read or removed
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -51,18 +52,62 @@ class FaultFiles:
         self._failed = ""
 
     def read(self) -> tuple[list[Fault], list[RecordingNote]]:
-        """Faults and recordings of before; empty for a missing or damaged list."""
+        """Faults, and notes of the recordings that are there, of before.
+
+        An entry that cannot be read is left out. A recording without an entry counts as older than
+        all others; its note has the time of its file, and no fault. Empty recordings, which a power
+        cut leaves, are removed.
+        """
+        stored = self._stored()
+        there = {note.name: note for note in self._there()}
+        known = {note.name: note for note in self._entries(stored, "recordings", _note)}
+        notes = [note for name, note in there.items() if name not in known]
+        for name, note in known.items():
+            if name in there:
+                notes.append(replace(note, bytes=there[name].bytes))
+        return self._entries(stored, "faults", _fault), notes
+
+    def _stored(self) -> dict[str, Any]:
+        """Content of the list; empty if it is missing or damaged."""
         path = self.folder / LIST_NAME
         try:
             stored = json.loads(path.read_text(encoding="utf-8"))
-            faults = [_fault(raw) for raw in stored["faults"]]
-            notes = [_note(raw) for raw in stored["recordings"]]
+            if not isinstance(stored, dict):
+                raise ValueError("it holds no JSON object")
         except FileNotFoundError:
-            return [], []
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            return {}
+        except (OSError, ValueError) as error:
             log.warning("%s cannot be read (%s): the list of faults begins anew", path, error)
-            return [], []
-        return faults, [n for n in notes if NAME.fullmatch(n.name) and self._path(n.name).is_file()]
+            return {}
+        return stored
+
+    def _entries(self, stored: dict[str, Any], key: str, read: Callable[[Any], T]) -> list[T]:
+        """Entries of a part of the list that can be read."""
+        raws = stored.get(key)
+        out: list[T] = []
+        for raw in raws if isinstance(raws, list) else ():
+            try:
+                out.append(read(raw))
+            except (ValueError, KeyError, TypeError, AttributeError) as error:
+                path = self.folder / LIST_NAME
+                log.warning("an entry of %s in %s is left out: %r", key, path, error)
+        return out
+
+    def _there(self) -> list[RecordingNote]:
+        """Notes of all recordings in the folder, by their files alone, the oldest first."""
+        notes: list[RecordingNote] = []
+        try:
+            for path in self.folder.iterdir() if self.folder.is_dir() else ():
+                if not NAME.fullmatch(path.name) or not path.is_file():
+                    continue
+                found = path.stat()
+                if found.st_size:
+                    notes.append(RecordingNote(path.name, found.st_mtime, bytes=found.st_size))
+                else:
+                    self._try(path.unlink)
+        except OSError as error:
+            log.warning("the recordings in %s cannot be listed: %s", self.folder, error)
+        return sorted(notes, key=lambda note: (note.made_s, note.name))
 
     def write(self, faults: Sequence[Fault], notes: Sequence[RecordingNote]) -> None:
         content = {
@@ -137,16 +182,17 @@ class FaultFiles:
 
 
 def _fault(raw: dict[str, Any]) -> Fault:
-    known: dict[str, Any] = {field.name: raw[field.name] for field in fields(Fault)}
+    """Raises TypeError if a field without a default is missing."""
+    known = {field.name: raw[field.name] for field in fields(Fault) if field.name in raw}
     known["state"] = FaultState(raw["state"])
     return Fault(**known)
 
 
 def _note(raw: dict[str, Any]) -> RecordingNote:
+    """The note without its size, which the file tells."""
     return RecordingNote(
         str(raw["name"]),
         float(raw["made_s"]),
         tuple(map(str, raw["faults"])),
         tuple(map(str, raw["tasks"])),
-        int(raw["bytes"]),
     )

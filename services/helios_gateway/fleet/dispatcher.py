@@ -10,6 +10,7 @@ task.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 import time
@@ -86,7 +87,8 @@ class Dispatcher:
     def cancel(self, id: str) -> FleetTask:
         """End a task at once if no robot may have begun it; else ask its robot to end it.
 
-        A task that has ended stays unchanged. Raises NotFound.
+        A robot that does not answer is asked again in every cycle. A task of a robot that this
+        gateway does not serve ends at once. One that has ended stays unchanged. Raises NotFound.
         """
         while True:
             task = self.queue.get(id)
@@ -102,12 +104,19 @@ class Dispatcher:
                 changed = self.queue.change(id, (Stage.WAITING,), **over)
             elif task.stage is Stage.OFFERED:
                 changed = self.queue.withdraw(id, task.task_id, (Stage.OFFERED,), **over)
+            elif task.robot not in self.robots:
+                over["message"] = (
+                    f"cancelled, but this gateway serves no robot {task.robot} (--robots), so its "
+                    "outcome is unknown; see whether that robot still does it"
+                )
+                changed = self.queue.change(id, TOLD, **over)
             else:
                 changed = self.queue.change(id, TOLD, cancelling=True)
             if changed is not None:
                 break  # else it has reached the next stage meanwhile
-        if changed.cancelling:
-            self._cancel_at_robot(changed)
+        if changed.cancelling and not changed.ended:
+            with contextlib.suppress(HeliosError):
+                self._cancel_at_robot(changed)
         self._wake.set()
         return self.queue.get(id)
 
@@ -115,8 +124,13 @@ class Dispatcher:
         """What the task does or waits for, in one sentence."""
         if task.ended:
             return task.message
-        robot = self.robots.get(task.robot)
-        if robot is not None and task.stage in TOLD:
+        if task.stage in TOLD:
+            robot = self.robots.get(task.robot)
+            if robot is None:
+                return (
+                    f"this gateway serves no robot {task.robot} (--robots); the task stays with "
+                    "it, as it may have begun; cancel the task to end it here"
+                )
             if not robot.connected:
                 cancel = "; it will be cancelled when the robot is back" if task.cancelling else ""
                 return f"{task.robot} is away; the task stays with it, as it may have begun{cancel}"
@@ -181,10 +195,11 @@ class Dispatcher:
         for task in self.queue.open_tasks():
             self._contained(f"task {task.id}", lambda task=task: self._follow(task))
         self._assign()
+        self._forget_ended()
 
     def _contained(self, what: str, step: Callable[[], None]) -> None:
         """Run one step; any error is logged, the other steps go on, and the next cycle repeats
-        this one. what: the task or robot that it concerns."""
+        this one. what: the task or robot that it concerns, its id or name last."""
         try:
             step()
             self._said.pop(what, None)
@@ -195,6 +210,15 @@ class Dispatcher:
                 self._said[what] = said
                 level = logging.INFO if known else logging.ERROR
                 log.log(level, "%s of the fleet: %s", what, said, exc_info=not known)
+
+    def _forget_ended(self) -> None:
+        """Drop what is kept of tasks and offers that are over."""
+        tasks = {task.id for task in self.queue.open_tasks()}
+        named = {*self.robots, *tasks, *(offer.task_id for offer in self.queue.withdrawn())}
+        self._asked_s = {id: at_s for id, at_s in self._asked_s.items() if id in tasks}
+        self._said = {
+            what: said for what, said in self._said.items() if what.rpartition(" ")[2] in named
+        }
 
     def _follow(self, task: FleetTask) -> None:
         if task.stage is Stage.OFFERED:  # the offer was not confirmed, or the gateway restarted
@@ -324,10 +348,11 @@ class Dispatcher:
             self.queue.change(task.id, (Stage.STARTING,), stage=Stage.BEGUN, task=begun)
 
     def _watch(self, task: FleetTask) -> None:
-        if task.cancelling:
-            self._cancel_at_robot(task)
         robot = self.robots.get(task.robot)
         heard = robot.newest(task.task_id) if robot is not None else None
+        if task.cancelling and (heard is None or heard.state not in ENDED):
+            self._cancel_at_robot(task)
+            return
         now_s = time.monotonic()
         if heard is None or now_s - self._asked_s.get(task.id, 0.0) > ASK_S:
             self._asked_s[task.id] = now_s
@@ -345,7 +370,6 @@ class Dispatcher:
         if heard.state not in ENDED:
             self.queue.observe(task.id, task.task_id, heard)
             return
-        self._asked_s.pop(task.id, None)
         self.queue.change(
             task.id,
             TOLD,
@@ -377,15 +401,13 @@ class Dispatcher:
         )
 
     def _cancel_at_robot(self, task: FleetTask) -> None:
-        """Ask the robot to end a task. A robot that is away is asked again in the next cycle."""
+        """Ask the robot to end a task. Raises HeliosError if the robot does not answer."""
         try:
             self._take(task, self._call(task, CANCEL, pb.TaskRequest(id=task.task_id)))
         except InvalidInput:
             self._lost(task)
         except Conflict:  # it has ended
             self._take(task, self._call(task, GET_TASK, pb.TaskRequest(id=task.task_id)))
-        except HeliosError as error:
-            log.info("task %s cannot be cancelled yet: %s", task.id, error.message)
 
     def _drop_at_robot(self, offer: WithdrawnOffer) -> None:
         """Cancel a withdrawn offer, which no robot can have begun."""

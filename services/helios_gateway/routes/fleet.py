@@ -95,7 +95,7 @@ def task_model(fleet: Dispatcher, task: FleetTask) -> api_fleet_models.FleetTask
         id=task.id, instruction=printable(task.request.instruction), state=task.state,
         message=printable(fleet.message(task)), wanted=task.wanted, robot=task.robot or None,
         task_id=task.task_id or None, begun=task.begun, why=printable(task.why),
-        priority=task.request.priority, returned=task.returned,
+        priority=task.request.priority, unused=list(task.task.unused), returned=task.returned,
         refused={name: printable(why) for name, why in task.refused.items()},
         created_s=task.created_s, ended_s=task.ended_s or None,
         task=message_conversion.task(task.task) if task.task.id else None,

@@ -111,7 +111,7 @@ def service_settings(
         reply = robot.bus.call(settings_method(name), pb.Empty(), timeout_s)
     except Unavailable as error:
         raise Unavailable(
-            f"{name} does not tell its settings; /v1/status says how it is"
+            f"{name} does not tell its settings: {error.message} (/v1/status says how it is)"
         ) from error
     try:
         values = json.loads(reply.json)

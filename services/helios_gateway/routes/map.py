@@ -18,6 +18,7 @@ from helios_gateway.cached_responses import (
 )
 from helios_gateway.dependencies import AddressedRobot, Maps, secured
 from helios_gateway.error_responses import problems
+from helios_gateway.routes.objects import ObjectId
 
 LayerName = Annotated[str, Path(description="name of the value layer, as listed by `/v1/map`")]
 SizePx = Annotated[
@@ -145,12 +146,7 @@ def objects(
 
 
 @router.get("/objects/{id}", summary="Get a mapped object", responses=problems(404))
-def one_object(
-    maps: Maps,
-    id: Annotated[
-        int, Path(ge=0, lt=2**64, description="id of the object, as returned by `/v1/objects`")
-    ],
-) -> api_map_models.ObjectInstance:
+def one_object(maps: Maps, id: ObjectId) -> api_map_models.ObjectInstance:
     return maps.object(id)
 
 

@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 import numpy as np
 from fastapi import APIRouter, Path, Query, Request, Response
 from helios_core import proto as pb
-from helios_core.codec.frames import pinhole_to_proto, transform_to_proto
+from helios_core.codec.frames import WIDEST_FOCAL, pinhole_to_proto, transform_to_proto
+from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix, Pinhole, camera_on_base, se2_to_se3
 from helios_core.topics import EXPORT_OBJECTS, OBJECT_DETAIL, RENDER_OBJECTS
 
@@ -173,7 +174,7 @@ def view(
     responses=content_docs(
         PNG, "colour; depth as 16-bit millimetres; probability or uncertainty from dark to yellow"
     )
-    | problems(404),
+    | problems(),
 )
 def view_from(
     robot: AddressedRobot,
@@ -208,11 +209,22 @@ def view_from(
     ] = 1.2,
 ) -> Response:  # fmt: skip
     """Render the object map from any camera pose, for example the pose of a frame."""
-    f = width_px / 2 / math.tan(fov_rad / 2)
-    lens = Pinhole(f, f, (width_px - 1) / 2, (height_px - 1) / 2, width_px, height_px)
+    lens = _lens(width_px, height_px, fov_rad)
     T_world_cam = camera_on_base(se2_to_se3(x_m, y_m, yaw_rad), z_m, down_rad)
     rendered = _rendered(robot, T_world_cam, lens, layer, class_name, timeout_s)
     return conditional_response(request, rendered)
+
+
+def _lens(width_px: int, height_px: int, fov_rad: float) -> Pinhole:
+    """Camera with a horizontal field of view. Raises InvalidInput if the image is so high that the
+    vertical one comes too near to π."""
+    f = width_px / 2 / math.tan(fov_rad / 2)
+    if f < WIDEST_FOCAL * max(width_px, height_px):
+        raise InvalidInput(
+            f"no camera sees {fov_rad:g} rad across {width_px} pixels and is {height_px} pixels "
+            "high; send a smaller fov_rad or height_px, or a larger width_px"
+        )
+    return Pinhole(f, f, (width_px - 1) / 2, (height_px - 1) / 2, width_px, height_px)
 
 
 def _detail(robot: RobotEndpoint, id: int, timeout_s: float) -> pb.ObjectDetail:
@@ -242,7 +254,7 @@ def _rendered(
     name: str,
     timeout_s: float,
 ) -> Encoded:
-    """PNG of a layer of the object map from a camera. Raises NotFound for an unknown class.
+    """PNG of a layer of the object map from a camera. Raises InvalidInput for an unknown class.
 
     T_world_cam: [4, 4]. name: class of the layers `probability` and `uncertainty`.
     """
@@ -252,8 +264,7 @@ def _rendered(
         layer=layer,
         class_name=name,
     )
-    with invalid_as_not_found():
-        return Encoded.of(robot.bus.call(RENDER_OBJECTS, message, timeout_s).png, PNG)
+    return Encoded.of(robot.bus.call(RENDER_OBJECTS, message, timeout_s).png, PNG)
 
 
 def _robot_side(robot: RobotEndpoint, center_m: np.ndarray) -> float:

@@ -46,8 +46,9 @@ async def stop(robot: AddressedRobot, state: State, request: Request) -> api_mod
     """Stop the robot now.
 
     The stop goes directly to the bridge, latches, and refuses every motion until
-    `/v1/robot/clear-stop`. Any key may stop, and no request limit applies. An unreadable body
-    does not prevent the stop; only its reason is lost.
+    `/v1/robot/clear-stop`. Any key may stop, and no limit on requests applies; but while
+    `max_connections` connections are open, a stop returns 503, too. An unreadable body does not
+    prevent the stop; only its reason is lost.
     """
     message = pb.StopRequest(reason=stop_reason(await _begun(request)))
 

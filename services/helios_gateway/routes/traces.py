@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from fastapi import APIRouter
 from helios_core import proto as pb
 from helios_core.bus_access import SERVICES
-from helios_core.errors import HeliosError
+from helios_core.errors import HeliosError, Unavailable
 from helios_core.printable_text import printable
 from helios_core.topics import GET_TASK, spans_method
 from helios_core.tracing import is_sampled, trace_id_of
@@ -70,8 +70,11 @@ def _replies(
         request = pb.SpansRequest(trace_id=trace_id)
         try:
             yield service, robot.bus.call(spans_method(service), request, timeout_s), ""
-        except HeliosError:
-            yield service, pb.SpansReply(), "it does not answer, or runs without tracing"
+        except Unavailable as error:
+            why = f"it does not answer, or runs without tracing: {printable(error.message)}"
+            yield service, pb.SpansReply(), why
+        except HeliosError as error:
+            yield service, pb.SpansReply(), printable(error.message)
 
 
 def _model(service: str, span: pb.Span) -> TraceSpan:

@@ -52,9 +52,8 @@ class TeleopSession:
         self._moved_s = -1e9  # end of the last move, monotonic
         self._state = TeleopState(state="standing")
         self.changed = anyio.Event()
-        self.permission_checked = (
-            anyio.Event()
-        )  # set once `state` includes the first permission check
+        # Set once `state` includes the first permission check.
+        self.permission_checked = anyio.Event()
 
     @property
     def state(self) -> TeleopState:

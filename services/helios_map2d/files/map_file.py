@@ -29,6 +29,7 @@ from helios_map2d.view_memory.stored_views import SeenView, read_view
 
 HEAD = b"helios map2d 1\n"
 FILE_NAME = "map2d.map"
+HIGHEST_VERSION = 2**62  # later versions of the map must fit into messages, too
 
 
 def encode_map(snapshot: MapSnapshot, views: tuple[SeenView, ...], world: WorldId | None) -> bytes:
@@ -70,7 +71,8 @@ def decode_map(
 ) -> tuple[EpochMap, WorldId]:
     """Map of a file, with a version above `version`, and its world.
 
-    Raises InvalidInput if the file is truncated, damaged, foreign, or has another cell size.
+    Raises InvalidInput if the file is truncated, damaged, foreign, or has another cell size or a
+    version of HIGHEST_VERSION or more.
     """
     start = len(HEAD) + hashlib.sha256().digest_size
     if not data.startswith(HEAD):
@@ -89,6 +91,11 @@ def decode_map(
         raise InvalidInput(
             f"the map file has tiles of {message.tile_cells} cells, wanted {TILE}: load an export "
             "(npz) of it instead"
+        )
+    if message.version >= HIGHEST_VERSION:
+        raise InvalidInput(
+            f"the map file says that its map has version {message.version}, wanted less than "
+            f"{HIGHEST_VERSION}: it is damaged; save the map again"
         )
     version = max(version, message.version)
     ground = [read_ground(tile, version + 1) for tile in message.ground]

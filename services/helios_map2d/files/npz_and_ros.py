@@ -7,14 +7,16 @@ frame, stamp and pose are in a comment.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 
 import cv2
 import numpy as np
 from helios_core.codec.frames import FARTHEST_M
+from helios_core.codec.images import encoded_size
 from helios_core.errors import InvalidInput
-from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN
+from helios_core.map_snapshot import FREE, MAX_CELLS, OCCUPIED, UNKNOWN
 from numpy.typing import NDArray
 
 from helios_map2d.files.map_contents import MapContent, check_cell
@@ -23,7 +25,6 @@ from helios_map2d.layers.parameters import MapRules
 from helios_map2d.snapshots.snapshot import MapSnapshot, about, decode_npz, ground_of
 
 FREE_GREY, OCCUPIED_GREY, UNKNOWN_GREY = 254, 0, 205  # values of map_saver
-MOST_CELLS = 64_000_000
 
 
 def encode_ros(snapshot: MapSnapshot, name: str = "map") -> dict[str, bytes]:
@@ -99,13 +100,14 @@ def decode_ros(yaml: bytes, picture: bytes, rules: MapRules, version: int) -> Ma
 
 def _picture(data: bytes) -> NDArray[np.uint8]:
     """Grey values [rows, columns]. Raises InvalidInput for a damaged or too large image."""
-    try:
-        grey = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
-    except cv2.error:  # no data, or a header with an excessive size
-        grey = None
-    if grey is None or grey.size == 0 or grey.size > MOST_CELLS:
+    width, height = encoded_size(data) or (0, 0)  # a PGM is as large as its picture
+    grey = None
+    if width * height <= MAX_CELLS:
+        with contextlib.suppress(cv2.error):  # no data, or a header with an excessive size
+            grey = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE)
+    if grey is None or grey.size == 0 or grey.size > MAX_CELLS:
         raise InvalidInput(
-            f"these {len(data)} bytes are no picture of a map of up to {MOST_CELLS} cells: send "
+            f"these {len(data)} bytes are no picture of a map of up to {MAX_CELLS} cells: send "
             "the whole .pgm or .png that the YAML names"
         )
     return np.asarray(grey, np.uint8)

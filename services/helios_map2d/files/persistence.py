@@ -184,7 +184,7 @@ class MapFiles:
         published = known(self._maps())
         kind = request.format or "map"
         if kind == "map":
-            files = {"map2d.map": self._file()[1]}
+            files = {FILE_NAME: self._file()[1]}
         elif kind == "npz":
             files = {"map2d.npz": encode_npz(published)}
         elif kind == "ros":

@@ -51,20 +51,24 @@ ExplorationRule = Callable[[Places], ArrayLike]
 
 def by_own_rule(
     rule: ExplorationRule,
-    receptacles: Sequence[ReceptacleOption],
+    receptacles: Sequence[ReceptacleOption] | None,
     frontiers: Sequence[FrontierOption],
     sought: str,
     layer: str,
     rng: np.random.Generator,
 ) -> Decision:
-    """Decision for the place with the highest score. Raises Internal if the rule fails."""
+    """Decision for the place with the highest score. receptacles: None if the rule chooses among
+    frontiers alone. Raises Internal if the rule fails."""
     name = name_of(rule)
+    why = explanations.nothing_left(receptacles=receptacles is not None)
+    nothing = Decision(name, Do.NOTHING_LEFT, (), None, why)
+    receptacles = receptacles or ()
     if not (receptacles or frontiers):
-        return _nothing(name)
+        return nothing
     scores = _scores(rule, name, _places(receptacles, frontiers, sought, layer, rng))
     candidates = _candidates(receptacles, frontiers, scores)
     if not candidates:
-        return _nothing(name)
+        return nothing
     k = best_of(candidates)
     place = candidates[k].kind == "receptacle"
     do = Do.SEARCH_RECEPTACLE if place else Do.GO_TO_FRONTIER
@@ -153,8 +157,3 @@ def _candidates(
     ]
     # Places with -inf are no candidates: decisions are sent as JSON, which has no -inf.
     return tuple(c for c in rows if np.isfinite(c.terms["total"]))
-
-
-def _nothing(name: str) -> Decision:
-    why = explanations.nothing_left(receptacles=False)
-    return Decision(name, Do.NOTHING_LEFT, (), None, why)

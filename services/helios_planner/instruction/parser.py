@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from helios_core.errors import InvalidInput
+from helios_core.topics import MAX_INSTRUCTION_CHARACTERS
 
 from helios_planner.instruction import lexicon
 from helios_planner.instruction.grammar import (
@@ -39,8 +40,6 @@ from helios_planner.instruction.move_commands import (
     read_move,
     refuse_time_limit,
 )
-
-LONGEST = 400
 
 
 class Kind(StrEnum):
@@ -78,10 +77,10 @@ class NotRead(InvalidInput):
 
 def parse(text: str) -> Instruction:
     """Parse an instruction. Raises InvalidInput with the understood and the missing parts."""
-    if len(text) > LONGEST:
+    if len(text) > MAX_INSTRUCTION_CHARACTERS:
         raise InvalidInput(
-            f"the instruction has {len(text)} characters; send one sentence of at most {LONGEST}, "
-            f"for example {EXAMPLE}"
+            f"the instruction has {len(text)} characters; send one sentence of at most "
+            f"{MAX_INSTRUCTION_CHARACTERS}, for example {EXAMPLE}"
         )
     if unseen := lexicon.control_character(text):
         raise InvalidInput(

@@ -26,7 +26,7 @@ class PluginRuleExplorer(Explorer):
     def step(self, found: Callable[[], bool]) -> bool:
         frontiers = self.search.frontier_options(self.layer)
         rng = self.search.tools.rng
-        decision = by_own_rule(self._rule, (), frontiers, self.search.name, self.layer, rng)
+        decision = by_own_rule(self._rule, None, frontiers, self.search.name, self.layer, rng)
         return self._visit(decision, found)
 
     def checkpoint(self) -> list[float]:

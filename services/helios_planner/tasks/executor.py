@@ -123,13 +123,13 @@ class TaskExecutor:
         return f"the robot stands; {held}" if held else "the robot stands"
 
     def _held(self, robot: RobotClient | None) -> str:
-        """Message about the held object; empty if there is none, or if it is not queried."""
+        """Message about the held object; empty if there is none, or if it is not known."""
         if robot is None or not self._journal.is_settled:
             return ""
         self._calls.task_over = True
         try:
             thing = robot.held()
-        except (TaskCancelled, TaskFailed):
+        except (TaskCancelled, TaskFailed, HeliosError):
             return ""
         return f"it holds a {thing} (“put the {thing} on the …” sets it down)" if thing else ""
 

@@ -55,7 +55,8 @@ def transform_from_proto(transform: pb.Transform, what: str = "the transform") -
     """Matrix [4, 4]. Raises InvalidInput, which names it `what`, if it is not rigid."""
     rows = np.array(transform.rows, float)
     if rows.size != 16 or not is_rigid(rows.reshape(4, 4)):
-        raise InvalidInput(f"{what} is not a rigid 4x4 matrix; {rows.size} numbers came")
+        came = rows.reshape(4, 4).tolist() if rows.size == 16 else f"{rows.size} numbers"
+        raise InvalidInput(f"{what} is not a rigid 4x4 matrix; {came} came")
     return rows.reshape(4, 4)
 
 

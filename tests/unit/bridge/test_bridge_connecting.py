@@ -29,13 +29,16 @@ class Awkward(LineRobot):
     """Its description raises `wrong`, unless that is None."""
 
     wrong: Exception | None = None
-    asked = 0
+    asked = closed = 0
 
     def describe(self) -> RobotDescription:
         Awkward.asked += 1
         if Awkward.wrong is not None:
             raise Awkward.wrong
         return super().describe()
+
+    def close(self) -> None:
+        Awkward.closed += 1
 
 
 class Rig:
@@ -52,7 +55,7 @@ class Rig:
 def rig(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
     monkeypatch.setattr(bridge_main, "FIRST_PAUSE_S", 0.01)
     monkeypatch.setattr(bridge_main, "LONGEST_PAUSE_S", 0.08)
-    Awkward.wrong, Awkward.asked = request.param, 0
+    Awkward.wrong, Awkward.asked, Awkward.closed = request.param, 0, 0
     rig = Rig()
     yield rig
     rig.host.close()
@@ -94,3 +97,13 @@ def test_invalid_input_of_a_robot_is_told_and_not_asked_for_again(rig: Rig) -> N
 @pytest.mark.parametrize("rig", [Internal("a fault")], indirect=True)
 def test_the_pause_before_the_next_attempt_grows(rig: Rig) -> None:
     wait_until(lambda: "again in 0.08 s" in rig.health.state[1], 60, "the pause has grown")
+
+
+@pytest.mark.parametrize(
+    "rig", [InvalidInput("height_m nan"), Internal("a fault"), None], indirect=True
+)
+def test_the_driver_is_closed_once_whether_the_bridge_was_created_or_not(rig: Rig) -> None:
+    state = "ready" if Awkward.wrong is None else "degraded"
+    wait_until(lambda: rig.health.state[0] == state, 60, "it was asked")
+    rig.host.close()
+    assert Awkward.closed == 1

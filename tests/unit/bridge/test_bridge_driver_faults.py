@@ -17,7 +17,7 @@ from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Action, ActionResult, Capture, Turn
-from helios_core.topics import FRAME, STOP
+from helios_core.topics import FRAME, GET_STATE, STOP
 from helios_core.types import RobotDescription, RobotState
 
 from tests.support import wait_until
@@ -131,6 +131,28 @@ def test_a_fault_in_capture_or_state_names_driver_and_method_until_it_is_over(
         wait_until(lambda: health.state[0] == "ready", 60, "it is over")
     finally:
         bridge.close()
+
+
+def test_a_state_with_an_impossible_pose_is_a_fault_of_the_driver_that_is_logged_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    robot = Misbehaving()
+    stage = Stage(robot)
+    states = {
+        "T_world_base is not a rigid 4x4 matrix; [[nan, ": RobotState(np.full((4, 4), np.nan)),
+        "T_world_base is not a rigid 4x4 matrix; [[2.0, ": RobotState(2 * np.eye(4)),
+        "T_world_base is not a rigid 4x4 matrix; 9 numbers came": RobotState(np.eye(3)),
+        "tilt_rad is inf": RobotState(np.eye(4), tilt_rad=np.inf),
+    }
+    with caplog.at_level(logging.ERROR):
+        for said, state in states.items():
+            robot.gives["state"] = state
+            with pytest.raises(Internal, match=r"RobotState from state\(\)") as failed:
+                stage.other.call(GET_STATE, pb.Empty(), 5)
+            assert said in failed.value.message
+            assert stage.health.state == ("degraded", failed.value.message)
+    assert len(caplog.records) == 1
+    stage.bridge.close()
 
 
 @pytest.mark.parametrize("gives", [None, "a robot", ZeroDivisionError("a slip")])

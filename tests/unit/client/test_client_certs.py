@@ -198,6 +198,7 @@ def test_add_issues_new_names_and_leaves_the_others_alone(folder: Path) -> None:
         ([], "nothing to add"),
         (["--robots", "robot"], "robot has certificates already"),
         (["--operators", "a b"], "no certificate can be called"),
+        (["--operators", "ann", "--shared", "gateway"], "name them"),
     ],
 )
 def test_add_refuses_what_is_there_or_wrong(
@@ -233,6 +234,16 @@ def test_renew_replaces_keys_and_keeps_names(folder: Path) -> None:
     assert all(v.days_left(NOW) < 31 for n, v in now.items() if n != "helios-ca")
     values = json.loads((folder / "sessions" / "map2d.robot.json5").read_text())
     assert values["connect"]["endpoints"] == ["tls/10.9.9.9:7447"]
+
+
+@pytest.mark.parametrize("hosts", [",", "", "a b"])
+def test_renew_with_wrong_hosts_renews_nothing(
+    folder: Path, hosts: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = credentials_of(folder / "router.json5")
+    assert run(["certs", "renew", str(folder), "--hosts", hosts]) == 2
+    assert "such as" in capsys.readouterr().err
+    assert credentials_of(folder / "router.json5") == before
 
 
 def test_remove_takes_the_file_and_the_rights(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import socket
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from helios_client.cli import run
+from helios_client.commands import doctor
 from helios_client.commands.doctor import examine
 from helios_client.supervision.service_specs import StackOptions
 from helios_client.version import helios_version
@@ -103,6 +105,8 @@ def test_every_command_has_help(command: list[str], helios: Helios) -> None:
         ["up", "--name", "a/b"],
         ["bench", "--only", "nope", "--json", "x.json"],
         ["map", "paint"],
+        ["tasks", "--state", "bogus"],
+        ["map", "reset", "--only", "walls"],
     ],
 )
 def test_a_usage_error_prints_one_sentence_and_exits_with_status_2(
@@ -112,6 +116,7 @@ def test_a_usage_error_prints_one_sentence_and_exits_with_status_2(
     assert done.status == 2
     assert done.error.startswith("helios: ")
     assert done.error.count("\n") == 1
+    assert "Value error" not in done.error
 
 
 @pytest.mark.parametrize("args", [[], ["map"], ["assets"]])
@@ -152,7 +157,7 @@ def test_up_names_a_port_in_use_and_leaves_no_files(helios: Helios) -> None:
         ("tour.mcap", 2, "no data set at"),
         ("nowhere", 2, "no data set at"),
         ("empty.mcap", 1, "no MCAP file"),
-        (".", 1, "meta.json"),
+        (".", 1, "there is no data set at"),
     ],
 )
 def test_replay_reports_a_data_set_that_it_cannot_play(
@@ -182,6 +187,16 @@ def test_the_doctor_names_missing_dependencies_and_how_to_install_them() -> None
     assert missing["viser,"] == "pip install 'helios-ovmm[viewer]'"
     assert {f.what.split()[1] for f in found if not f.ok and f.optional} == {"viser,"}
     assert set(missing) <= {"mujoco", "viser,", "EGL", "GL", "OSMesa", "in"}
+
+
+@pytest.mark.parametrize(("port", "another"), [(80, 8080), (8080, 8081), (65535, 65534)])
+def test_the_doctor_recommends_a_port_that_exists(
+    port: int, another: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken = OSError(errno.EADDRINUSE, "Address already in use")
+    monkeypatch.setattr(doctor, "port_bind_error", lambda _: taken)
+    [remedy] = [f.remedy for f in examine(port) if f.what == f"port {port} free"]
+    assert remedy.endswith(f"helios up --port {another}")
 
 
 def test_the_shell_completes_commands_and_subcommands(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -26,6 +27,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.fixture(autouse=True)
+def started(monkeypatch: pytest.MonkeyPatch) -> list[StackOptions]:
+    """Options of the stacks that `helios up` would have started."""
+    stacks: list[StackOptions] = []
+    monkeypatch.setattr("helios_client.supervision.up.up", lambda stack, *_: stacks.append(stack))
+    return stacks
+
+
 def test_valid_flags_pass_without_importing_a_plug_in() -> None:
     for robot in (*flag_checks.ROBOTS, "mine_of_a_test:Robot"):
         flag_checks.check_robot(robot)
@@ -45,8 +54,7 @@ def test_valid_flags_pass_without_importing_a_plug_in() -> None:
             assert flag_checks.check_scorer(scorer, robot) == scorer
     for agent in ("helios", "vlfm", "mine_of_a_test:agent"):
         flag_checks.check_agent(agent)
-    flag_checks.check_home("sim", "ovmm-v1", None)
-    flag_checks.check_home("mine_of_a_test:Robot", "anything", "realistic")
+    flag_checks.check_home("ovmm-v1", None)
     assert "mine_of_a_test" not in sys.modules
 
 
@@ -56,7 +64,7 @@ def test_names_ignore_case_and_are_returned_in_their_canonical_spelling() -> Non
     assert flag_checks.check_detector("Ground Truth") == "ground-truth"
     assert flag_checks.check_detector("Paint") == "paint"  # from an installed package
     assert flag_checks.check_scorer("MiniLM", "sim") == "minilm"
-    assert flag_checks.check_home("sim", "OVMM-V1", "Parametric") == ("ovmm-v1", "parametric")
+    assert flag_checks.check_home("OVMM-V1", "Parametric") == ("ovmm-v1", "parametric")
     for own in ("mine_of_a_test:Robot", "mine_of_a_test:ROBOT"):
         assert flag_checks.check_robot(own) == own
 
@@ -81,6 +89,9 @@ def test_names_ignore_case_and_are_returned_in_their_canonical_spelling() -> Non
         ("--agent", "none_of_a_test:agent", "no package or module 'none_of_a_test'"),
         ("--robot", "smi", "no robot is called 'smi'; wanted sim, .*did you mean sim"),
         ("--robot", "none_of_a_test:R", "no package or module 'none_of_a_test'"),
+        ("--robot", "replay", "--robot replay needs --source"),
+        ("--source", "/none.mcap", "--source is valid only with --robot replay, .* is sim"),
+        ("--rate", "3", "--rate is valid only with --robot replay"),
         ("--preset", "demo-v2", "no preset is called 'demo-v2'; wanted demo-v1, ovmm-v1"),
         ("--furniture", "real", "no furniture is called 'real'"),
         ("--furniture", "realistic", "--furniture realistic: no realistic furniture in .*bake"),
@@ -91,14 +102,53 @@ def test_an_invalid_flag_value_is_a_usage_error_before_anything_starts(
 ) -> None:
     import re
 
-    more = ["--detector", "paint"] if flag == "--robot" else []
     status = cli.run(
-        ["up", flag, given, *more, "--port", str(free_port()), "--state", str(folder / "state")]
+        ["up", flag, given, "--port", str(free_port()), "--state", str(folder / "state")]
     )
     assert status == 2
     error = capsys.readouterr().err
     assert re.search(said, error), error
     assert not (folder / "state").exists()
+
+
+def test_a_robot_in_other_letters_has_its_default_detector(started: list[StackOptions]) -> None:
+    assert cli.run(["up", "--robot", "SIM"]) == 0
+    assert (started[0].robot, started[0].detector) == ("sim", "simulated")
+
+
+@pytest.mark.parametrize("robot", ["spot", "remote", "mine_of_a_test:Robot"])
+@pytest.mark.parametrize(
+    "flags",
+    [
+        ("--preset", "nosuch"),
+        ("--seed", "5"),
+        ("--furniture", "realistic"),
+        ("--home", str(FLAT)),
+    ],
+)
+def test_flags_of_the_simulated_home_are_refused_for_another_robot(
+    robot: str, flags: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.run(["up", "--robot", robot, "--detector", "paint", *flags]) == 2
+    said = capsys.readouterr().err
+    assert f"{flags[0]} is valid only with --robot sim, and --robot is {robot}" in said
+
+
+def test_another_robot_takes_the_flags_of_the_simulated_home_with_their_defaults(
+    started: list[StackOptions],
+) -> None:
+    flags = ("--seed", "0", "--preset", "demo-v1", "--rate", "1")
+    assert cli.run(["up", "--robot", "bus", "--detector", "paint", *flags]) == 0
+    assert started[0].robot == "bus"
+
+
+def test_the_port_of_the_router_is_drawn_until_it_differs_from_that_of_the_gateway(
+    started: list[StackOptions], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = iter((18080, 18080, 18081))
+    monkeypatch.setattr(socket.socket, "getsockname", lambda _: ("127.0.0.1", next(drawn)))
+    assert cli.run(["up", "--port", "18080"]) == 0
+    assert started[0].router_port == 18081
 
 
 def test_the_scorer_flag_is_passed_to_the_detector_only_if_it_is_given() -> None:
@@ -152,20 +202,19 @@ def test_an_unknown_detector_error_lists_the_installed_entry_points() -> None:
 
 def test_a_plan_is_checked_before_anything_starts(folder: Path) -> None:
     (folder / "old.sh3d").write_bytes(b"no zip")
-    for robot, preset, home, level, said in (
-        ("sim", "demo-v1", Path("none.sh3d"), None, "does not exist"),
-        ("sim", "demo-v1", Path("old.sh3d"), None, "no Sweet Home 3D file"),
-        ("spot", "demo-v1", FLAT, None, "only with --robot sim"),
-        ("sim", "ovmm-v1", FLAT, None, "leave one out"),
-        ("sim", "demo-v1", None, "Attic", "--home FILE.sh3d"),
-        ("sim", "demo-v1", FLAT, "Attic", "has no level"),
+    for preset, home, level, said in (
+        ("demo-v1", Path("none.sh3d"), None, "does not exist"),
+        ("demo-v1", Path("old.sh3d"), None, "no Sweet Home 3D file"),
+        ("ovmm-v1", FLAT, None, "leave one out"),
+        ("demo-v1", None, "Attic", "--home FILE.sh3d"),
+        ("demo-v1", FLAT, "Attic", "has no level"),
     ):
         with pytest.raises(UsageError, match=said):
-            flag_checks.check_plan(robot, preset, home, level)
-    name, remarks = flag_checks.check_plan("sim", "demo-v1", FLAT, None)
+            flag_checks.check_plan(preset, home, level)
+    name, remarks = flag_checks.check_plan("demo-v1", FLAT, None)
     assert remarks == []
     assert name.startswith("flat.sh3d@")
-    assert flag_checks.check_plan("sim", "demo-v1", None, None) == ("", [])
+    assert flag_checks.check_plan("demo-v1", None, None) == ("", [])
     options = StackOptions(
         "sim", 7447, folder, port=8080, home=FLAT, level="Ground", home_name=name
     )

@@ -96,9 +96,19 @@ def test_a_router_elsewhere_is_a_host_with_or_without_a_port() -> None:
     assert router_endpoint("server:9000", certs) == "tls/server:9000"
     assert router_endpoint("[fd00::2]", None) == "tcp/[fd00::2]:7447"
     assert router_endpoint("tls/server:1", certs) == "tls/server:1"
-    for wrong in ("", ":1", "udp/server", "server:port", "server:70000"):
-        with pytest.raises(UsageError, match="wanted HOST or HOST:PORT"):
-            router_endpoint(wrong, None)
+    assert router_endpoint("tcp/[fe80::2%eth0]:9", None) == "tcp/[fe80::2%eth0]:9"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "", ":1", "udp/server", "server:port", "server:70000", "server:0", "server:", "::1",
+        "fe80::1", "1.2.3.4:5:6", "[::1", "::1]", "[]", "[::1]9", "host name", "h:٣",
+    ],
+)  # fmt: skip
+def test_another_address_of_a_router_is_refused_with_the_form_of_a_right_one(wrong: str) -> None:
+    with pytest.raises(UsageError, match=r"wanted HOST or HOST:PORT.* such as \[::1\]"):
+        router_endpoint(wrong, None)
 
 
 def test_robots_are_a_number_or_names() -> None:

@@ -21,6 +21,7 @@ class ExecCalled(Exception):
 @pytest.fixture
 def port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> int:
     """The port of a `helios up` on this machine, with its state file."""
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     monkeypatch.delenv("HELIOS_URL", raising=False)
     port = free_port()
@@ -44,6 +45,14 @@ def test_record_uses_the_url_of_the_environment_variable(
     argv = became.value.args
     assert argv[argv.index("--router") + 1] == ROUTER
     assert argv[argv.index("--robot") + 1] == "arm"
+
+
+def test_an_unusable_folder_is_refused_before_the_recorder_starts(
+    port: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").touch()
+    assert run(["record", "--out", "file", "--port", str(port)]) == 2
+    assert "the folder file cannot be made: File exists" in capsys.readouterr().err
 
 
 def test_the_port_option_overrides_the_environment_variable(

@@ -64,6 +64,15 @@ def job(tmp_path: Path, **values: float) -> ReplayJob:
     return replace(ReplayJob(tmp_path, None, "recorded", tmp_path), **values)
 
 
+def test_a_file_in_place_of_the_log_folder_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "logs").touch()
+    monkeypatch.setattr(module, "examine", lambda *_: CheckedInput(4, 0.0, (), {}))
+    with pytest.raises(InvalidInput, match=r"--out .*/logs: File exists"):
+        module.replay(job(tmp_path), Interrupts(), Console(quiet=True))
+
+
 def test_services_that_do_not_start_in_time_are_named_with_their_reasons_and_logs(
     tmp_path: Path,
 ) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from helios_client.replay.input_selection import default_detector, search_and_detector
+from helios_client.replay.input_selection import search_and_detector
+from helios_client.supervision.flag_checks import default_detector
 from helios_client.supervision.service_specs import RECORDED_DETECTOR, StackOptions
 from helios_client.supervision.service_table import ServiceRow, is_ready
 from helios_client.usage_errors import UsageError

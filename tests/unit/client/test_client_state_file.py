@@ -9,12 +9,13 @@ import threading
 import time
 from pathlib import Path
 
+import httpx
 import pytest
 from helios_client.answer_types import Status
-from helios_client.commands.status import find_status
+from helios_client.commands.status import closing_lines, find_status
 from helios_client.sdk import Helios
 from helios_client.supervision import state_file
-from helios_core.errors import Unavailable
+from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
 
 from tests.gateway_process import served
 from tests.support import free_port, wait_until
@@ -90,10 +91,38 @@ def test_status_comes_from_the_file_while_the_gateway_is_unreachable(tmp_path: P
     state_file.write([tmp_path], STATUS | {"address": "http://127.0.0.1:1"})
     port = free_port()
     with Helios(f"http://127.0.0.1:{port}") as nobody:
-        assert find_status(nobody, port, tmp_path) == STATUS | {"stopped": None, "stop_reason": ""}
+        found = find_status(nobody, port, tmp_path)
+        assert found == STATUS | {"stopped": None, "stop_reason": ""}
+        (line,) = closing_lines(found)
+        assert line.startswith("all processes are ready; the gateway does not answer, so it is not")
         state_file.remove([tmp_path])
         with pytest.raises(Unavailable, match="helios up"):
             find_status(nobody, port, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("status", "body", "kind"),
+    [
+        (401, {"detail": "a key is needed"}, InvalidInput),
+        (403, {"detail": "the key is of another scope"}, InvalidInput),
+        (500, {}, Internal),
+        (200, {}, Internal),
+    ],
+)
+def test_a_refusal_by_the_gateway_is_reported_despite_the_file(
+    status: int, body: dict, kind: type[HeliosError], tmp_path: Path
+) -> None:
+    state_file.write([tmp_path], STATUS)
+    answer = httpx.MockTransport(lambda _: httpx.Response(status, json=body))
+    with Helios("http://robot", transport=answer) as helios, pytest.raises(kind):
+        find_status(helios, 8080, tmp_path)
+
+
+def test_a_gateway_that_is_starting_leaves_the_status_to_the_file(tmp_path: Path) -> None:
+    state_file.write([tmp_path], STATUS)
+    answer = httpx.MockTransport(lambda _: httpx.Response(503, json={"detail": "starting"}))
+    with Helios("http://robot", transport=answer) as helios:
+        assert find_status(helios, 8080, tmp_path)["stopped"] is None
 
 
 def test_the_gateway_says_whether_a_task_can_be_done_and_the_file_lists_the_processes(

@@ -22,6 +22,10 @@ from tests.support import free_port
 ANSWER = {"connected": True, "state": {"stopped": True, "message": "ü"}, "description": None}
 
 
+def answer(**changes: Any) -> bytes:
+    return json.dumps(ANSWER | changes).encode()
+
+
 @dataclass
 class Gateway:
     """Accepts every request and answers with `status` and `body`."""
@@ -185,6 +189,11 @@ def test_the_full_command_reports_a_usage_error(args: list[str], paths: StopPath
         (503, b'{"detail": "starting"}', 1, "starting"),
         (500, b"oh", 1, "answered 500"),
         (200, b"<html>", 1, "no JSON"),
+        (200, b"{}", 1, "is HELIOS there?"),
+        (200, b"[]", 1, "is HELIOS there?"),
+        (200, answer(state=None), 1, "did not confirm that the robot is stopped"),
+        (200, answer(state=[]), 1, "did not confirm that the robot is stopped"),
+        (200, answer(state={"stopped": False}), 1, "did not confirm that the robot is stopped"),
     ],
 )
 def test_the_full_command_reports_a_refusal(

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import psutil
 import pytest
@@ -18,7 +19,8 @@ from helios_client.supervision import state_file
 from helios_client.supervision.service_specs import StackOptions
 from helios_client.supervision.up import Screen, check_port
 from helios_client.supervision.up import up as run_up
-from helios_core.errors import Conflict
+from helios_client.usage_errors import UsageError
+from helios_core.errors import Conflict, InvalidInput
 
 from tests.support import free_port, wait_until
 
@@ -205,6 +207,37 @@ def test_the_gateways_port_is_tested_also_if_all_services_share_a_process(tmp_pa
         stack = StackOptions("sim", free_port(), tmp_path, port=port, compact=True)
         with pytest.raises(Conflict, match=rf"port {port} is in use; .* with --port"):
             run_up(stack, Screen())
+
+
+@pytest.fixture
+def starts_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("helios_client.supervision.up._Run", Mock())
+    monkeypatch.setattr("helios_client.supervision.up.on_signals", Mock())
+
+
+@pytest.mark.usefixtures("starts_nothing")
+def test_one_port_for_gateway_and_router_is_refused(tmp_path: Path) -> None:
+    port = free_port()
+    with pytest.raises(UsageError, match=f"--port and --router-port are both {port}"):
+        run_up(StackOptions("sim", port, tmp_path / "state", port=port), Screen())
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.usefixtures("starts_nothing")
+def test_a_file_in_place_of_the_log_folder_is_named(tmp_path: Path) -> None:
+    (tmp_path / "logs").touch()
+    stack = StackOptions("sim", free_port(), tmp_path, port=free_port())
+    with pytest.raises(InvalidInput, match=r"state folder .*/logs: File exists.*with --state"):
+        run_up(stack, Screen())
+
+
+@pytest.mark.usefixtures("starts_nothing")
+def test_a_file_in_place_of_the_folder_of_recordings_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    stack = StackOptions("sim", free_port(), tmp_path / "state", port=free_port(), record=file)
+    with pytest.raises(UsageError, match=f"the folder {file} cannot be made: File exists"):
+        run_up(stack, Screen())
 
 
 def test_a_forbidden_port_is_reported_differently_from_a_port_in_use(

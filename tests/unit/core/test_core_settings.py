@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
 from helios_core.agent_presets import service_settings
-from helios_core.settings import RobotNames, ServiceSettings, is_chosen, service_config
+from helios_core.errors import InvalidInput
+from helios_core.settings import (
+    RobotNames,
+    ServiceSettings,
+    common_settings,
+    is_chosen,
+    service_config,
+)
 from pydantic import Field, SecretStr
 
 
@@ -174,6 +182,44 @@ def test_invalid_flags_exit_with_2(argv: list[str], capsys: pytest.CaptureFixtur
         Settings.load(argv)
     assert ended.value.code == 2
     assert "helios-sample" in capsys.readouterr().err
+
+
+def test_a_wrong_setting_is_reported_without_the_words_of_the_library(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HELIOS_SAMPLE_LOG_LEVEL", "loud")
+    with pytest.raises(SystemExit):
+        Settings.load([])
+    said = "no log level is called 'loud'; choose one of debug, info, warning, error"
+    assert f"wrong setting: log_level: {said} (got 'loud')" in capsys.readouterr().err
+    with pytest.raises(InvalidInput, match=f"wrong setting of sample: log_level: {said}"):
+        Settings.read()
+    with pytest.raises(InvalidInput, match=f"wrong setting of sample: {said}"):
+        common_settings("sample", os.environ)
+
+
+def test_given_values_override_the_environment_that_a_program_without_flags_reads(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("HELIOS_SAMPLE_CELL_M", "0.2")
+    assert Settings.read().cell_m == 0.2
+    assert Settings.read(cell_m=0.3).cell_m == 0.3
+
+
+def test_wrong_variables_are_named_without_their_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    class WithTable(Settings):
+        table: dict[str, float] = Field(default={}, description="a table")
+
+    monkeypatch.setenv("HELIOS_SAMPLE_CELL_M", "wide")
+    with pytest.raises(
+        InvalidInput, match=r"wrong setting of sample: cell_m.*HELIOS_SAMPLE_"
+    ) as no:
+        WithTable.read()
+    assert "wide" not in no.value.message
+    monkeypatch.setenv("HELIOS_SAMPLE_TABLE", "12,5")
+    with pytest.raises(InvalidInput, match=r'cannot read the settings of sample.*"table"') as no:
+        WithTable.read()
+    assert "12,5" not in no.value.message
 
 
 def test_settings_cannot_be_changed() -> None:

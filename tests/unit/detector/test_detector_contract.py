@@ -1,6 +1,8 @@
 """The output of a back end is checked against its contract before it is sent."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,7 +39,15 @@ def detection(score: float = 0.5, box: tuple[int, int, int, int] = (5, 5, 15, 15
 def test_valid_findings_pass_unchanged():
     good = Findings((detection(0.0), detection(1.0)), (Seen("mug", 0.3),))
     held, wrong = checked_findings(good, SHAPE)
-    assert held is good
+    assert held == good
+    assert not wrong
+
+
+@pytest.mark.parametrize("sequence", [list, np.array])
+def test_a_box_of_another_sequence_type_becomes_a_tuple(sequence: Callable[[Any], Any]):
+    listed = replace(detection(), box_xyxy=sequence((5, 5, 15, 15)))
+    held, wrong = checked_findings(Findings((listed,), ()), SHAPE)
+    assert [d.box_xyxy for d in held.detections] == [(5, 5, 15, 15)]
     assert not wrong
 
 

@@ -161,6 +161,20 @@ def test_a_truncated_weight_file_is_reported_as_damaged(owl: Path, tmp_path: Pat
         pass
 
 
+@pytest.mark.parametrize("name", ["model.safetensors", "pytorch_model.bin"])
+def test_a_weight_file_that_is_a_dangling_link_is_reported_as_incomplete(
+    owl: Path, tmp_path: Path, name: str
+):
+    folder = copy_of(owl, tmp_path, "model.safetensors")
+    (folder / name).symlink_to(tmp_path / "gone")
+    assert weights_mb(str(folder)) == 0
+    with (
+        pytest.raises(Unavailable, match=r"is not complete .*copy all of its files"),
+        opened(folder).use(),
+    ):
+        pass
+
+
 @pytest.mark.parametrize("missing", ["config.json", "processor_config.json"])
 def test_a_folder_that_lacks_a_file_is_reported_as_incomplete(
     owl: Path, tmp_path: Path, missing: str

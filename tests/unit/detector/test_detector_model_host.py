@@ -113,6 +113,40 @@ def test_a_model_that_fails_in_its_warm_up_is_retried_and_never_ready(
     service.close()
 
 
+def test_the_models_of_a_failed_attempt_are_closed(monkeypatch: pytest.MonkeyPatch):
+    steps: list[str] = []
+
+    class Recorded(GroundTruthDetector):
+        def close(self) -> None:
+            steps.append("detector closed")
+            raise RuntimeError("it was never warm")
+
+    class Missing(LexicalScorer):
+        def warm_up(self) -> None:
+            steps.append("scorer fails")
+            if steps.count("scorer fails") < 3:
+                raise Unavailable("the model is not there")
+            raise InvalidInput("the model is of no kind")
+
+        def close(self) -> None:
+            steps.append("scorer closed")
+
+    monkeypatch.setattr(models_module, "open_scorer", lambda *_: Missing())
+    monkeypatch.setattr(models_module, "open_detector", lambda *_: Recorded(SceneTruth()))
+    health = Health()
+    assert models_module.load_models(settings(), None, health, threading.Event()) is None
+    assert steps == ["scorer fails", "detector closed", "scorer closed"] * 3
+    assert health.state == ("degraded", "the model is of no kind")
+    steps.clear()
+    with pytest.raises(InvalidInput, match="there is no depth model 'x'"):
+        open_models(settings(depth="x"), None)
+    monkeypatch.undo()
+    monkeypatch.setattr(models_module, "open_scorer", lambda *_: Missing())
+    with pytest.raises(InvalidInput, match="there is no detector 'x'"):
+        open_models(settings(detector="x"), None)
+    assert steps == ["detector closed", "scorer closed", "scorer closed"]
+
+
 class Counting(GroundTruthDetector):
     unloads = 0
 

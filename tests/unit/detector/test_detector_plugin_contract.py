@@ -497,6 +497,24 @@ def suite(*flags: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (("--detector", ""), "no detector ''"),
+        (("--scorer", ""), "no scorer ''"),
+        (("helios_examples.room_robot:RoomRobot",), "wrong setting of bridge: rate"),
+    ],
+)
+def test_the_contract_command_tells_a_wrong_choice_in_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, given: tuple[str, ...], says: str
+) -> None:
+    monkeypatch.setenv("HELIOS_BRIDGE_RATE", "abc")
+    done = suite(*given, cwd=tmp_path)
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
 def test_the_contract_command_tests_a_detector_of_the_current_folder(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(
         "from helios_examples.paint_detector import PaintDetector\n"

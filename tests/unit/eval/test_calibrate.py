@@ -160,12 +160,24 @@ def test_homes_give_a_model_with_rates_and_scores(tmp_path: Path) -> None:
         (["--homes", "5-3", "--detector", "simulated:ovmm-v1"], "--homes is '5-3'"),
         (["--homes", "990-1000", "--detector", "simulated:ovmm-v1"], "homes below 1000"),
         (["--homes", "0", "--preset", "no", "--detector", "simulated:ovmm-v1"], "no preset"),
+        (["--homes", "0", "--detector", "recorded"], "recorded needs recordings"),
     ],
 )
 def test_wrong_use_is_told_in_one_sentence(given, said, tmp_path: Path, capsys) -> None:
     assert run(["calibrate", *given, "--out", str(tmp_path / "model.json")]) == 2
     error = capsys.readouterr().err
     assert said in error
+    assert error.count("\n") == 1
+
+
+def test_a_wrong_setting_of_the_map_is_told_in_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys
+) -> None:
+    monkeypatch.setenv("HELIOS_OBJECTMAP_STRIDE_PX", "abc")
+    given = ["calibrate", "--homes", "0", "--detector", "simulated:ovmm-v1"]
+    assert run([*given, "--out", str(tmp_path / "model.json")]) == 1
+    error = capsys.readouterr().err
+    assert "wrong setting of objectmap: stride_px" in error
     assert error.count("\n") == 1
 
 

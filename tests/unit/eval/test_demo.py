@@ -29,6 +29,17 @@ def test_an_occupied_port_is_an_error_before_any_output(tmp_path: Path) -> None:
     assert not out.exists()
 
 
+@pytest.mark.parametrize("port", ["0", "99999", "-1"])
+def test_a_port_that_does_not_exist_is_refused_by_the_parser(
+    port: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(demo, "run", Mock(return_value=RESULT | {"success": True}))
+    monkeypatch.setattr("sys.argv", ["helios-demo", f"--port={port}"])
+    with pytest.raises(SystemExit, match="2"):
+        demo.main()
+    assert f"{port} is no port; wanted 1 to 65535" in capsys.readouterr().err
+
+
 def test_an_ended_stack_is_an_error_even_if_another_stack_answers_as_ready(tmp_path: Path) -> None:
     log = tmp_path / "up.log"
     log.write_text("helios: port 8080 is in use")

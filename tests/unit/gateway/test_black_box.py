@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import threading
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -28,7 +30,7 @@ from helios_gateway.faults.box_file import METADATA, compressed, mcap_bytes
 from helios_gateway.faults.fault_files import LIST_NAME, FaultFiles, RecordingNote
 from helios_gateway.faults.fault_monitor import FaultMonitor
 from helios_gateway.faults.findings import DOWN_S, LATE_S
-from helios_gateway.faults.life_cycle import Fault, Finding
+from helios_gateway.faults.life_cycle import Fault, FaultState, Finding
 from mcap.reader import make_reader
 
 from tests.support import wait_until
@@ -248,6 +250,45 @@ def test_no_other_file_is_read(tmp_path: Path, name: str) -> None:
 def test_a_damaged_list_begins_anew(tmp_path: Path, content: str) -> None:
     (tmp_path / LIST_NAME).write_text(content)
     assert FaultFiles(tmp_path, 1).read() == ([], [])
+
+
+@pytest.mark.parametrize(
+    "content", [None, "", "[]", '{"recordings": 5}', '{"recordings": [7, {"name": 5}]}']
+)
+def test_recordings_without_an_entry_are_listed_and_removed_like_all_others(
+    tmp_path: Path, content: str | None
+) -> None:
+    files = FaultFiles(tmp_path, 250)
+    for number in (2, 1, 3):
+        assert files.save(note(number).name, bytes(100))
+        os.utime(tmp_path / note(number).name, (number, number))
+    if content is not None:
+        (tmp_path / LIST_NAME).write_text(content)
+    (tmp_path / "mug.mcap").write_bytes(b"not one of them")
+    _, notes = files.read()
+    assert notes == [note(1), note(2), note(3)]
+    assert files.shorten(notes, 100) == [note(3)]
+    left = {path.name for path in tmp_path.iterdir()} - {LIST_NAME}
+    assert left == {"mug.mcap", note(3).name}
+
+
+def test_entries_are_read_one_by_one_and_sizes_from_the_files(tmp_path: Path) -> None:
+    files = FaultFiles(tmp_path, 1e9)
+    known = replace(note(5, 0), faults=("map2d-down",))  # the gateway ended before it knew the size
+    fault = Fault("map2d-down", "map2d", "down", "error", "it is gone", FaultState.CONFIRMED)
+    files.write([fault], [known, note(6), note(7)])
+    stored = json.loads((tmp_path / LIST_NAME).read_text())
+    del stored["faults"][0]["since_s"]  # an older gateway did not know it
+    stored["faults"] += [{"id": "half"}, {**stored["faults"][0], "state": "unheard of"}]
+    stored["recordings"][1]["made_s"] = "today"
+    (tmp_path / LIST_NAME).write_text(json.dumps(stored))
+    for number, size in ((5, 100), (6, 200), (7, 0)):  # a power cut emptied the last one
+        assert files.save(note(number).name, bytes(size))
+    os.utime(tmp_path / note(6).name, (60, 60))
+    faults, notes = files.read()
+    assert faults == [fault]
+    assert notes == [replace(note(6, 200), made_s=60.0), replace(known, bytes=100)]
+    assert files.path(note(7).name) is None
 
 
 # --- the monitor -------------------------------------------------------------------------------

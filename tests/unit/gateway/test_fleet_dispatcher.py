@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -364,6 +365,87 @@ def test_a_cancelled_task_begins_nowhere() -> None:
     assert fleet.dispatcher.cancel(running).state == "cancelled"
     with pytest.raises(NotFound):
         fleet.dispatcher.cancel("0" * 12)
+
+
+def test_a_cancel_that_its_robot_does_not_hear_is_logged_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.INFO)
+    fleet = fleet_of(1)
+    id = fleet.add("find the mug")
+    fleet.cycle(2)
+    fleet.robots["robot-1"].here = False
+    fleet.dispatcher.cancel(id)
+    fleet.cycle(5)
+    assert caplog.text.count("the planner of robot-1 is away") == 1
+
+
+def test_a_robot_is_asked_nothing_of_a_task_whose_cancel_it_has_heard() -> None:
+    fleet = fleet_of(1)
+    robot = fleet.robots["robot-1"]
+    id = fleet.add("find the mug")
+    fleet.cycle(2)
+    robot.reach = "lost"
+    fleet.dispatcher.cancel(id)
+    robot.reach = "ok"
+    robot.calls.clear()
+    fleet.cycle(2)
+    assert state(fleet, id) == ("cancelled", "robot-1")
+    assert robot.calls == ["planner/cancel"]
+
+
+def test_a_task_that_ended_before_its_robot_heard_the_cancel_has_ended(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(dispatching, "ASK_S", float("inf"))
+    fleet = fleet_of(1)
+    robot = fleet.robots["robot-1"]
+    id = fleet.add("find the mug")
+    fleet.cycle(2)
+    robot.finish()
+    robot.here = False
+    fleet.dispatcher.cancel(id)
+    fleet.cycle()
+    assert state(fleet, id) == ("succeeded", "robot-1")
+
+
+def test_nothing_is_kept_of_tasks_that_have_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    fleet = fleet_of(3)
+    failing_at_submit(monkeypatch, fleet.robots["robot-1"], Conflict("it is full"))
+    refused = fleet.add("find the mug", wanted="robot-1")
+    lost = fleet.add("find the can", wanted="robot-2")
+    silent = fleet.add("find the cup", wanted="robot-3")
+    fleet.cycle(3)
+    fleet.robots["robot-3"].reach = "lost"
+    fleet.cycle(2)
+    assert len(fleet.dispatcher._said) == 2  # of the offer, and of the task without an answer
+    fleet.dispatcher.cancel(refused)
+    fleet.robots["robot-2"].tasks.clear()
+    fleet.robots["robot-3"].reach = "ok"
+    fleet.dispatcher.cancel(silent)
+    fleet.cycle(2)
+    assert [state(fleet, id)[0] for id in (refused, lost, silent)] == [
+        "cancelled", "failed", "cancelled"
+    ]  # fmt: skip
+    assert fleet.dispatcher._said == fleet.dispatcher._asked_s == {}
+
+
+def test_a_task_of_a_robot_that_is_no_longer_served_says_so_and_can_be_cancelled(
+    tmp_path: Path,
+) -> None:
+    fleet = fleet_of(2, tmp_path / "queue.sqlite")
+    id = fleet.add("find the mug", wanted="robot-2")
+    fleet.cycle(2)
+    del fleet.robots["robot-2"]
+    fleet.restart()
+    fleet.cycle(2)
+    task = fleet.dispatcher.queue.get(id)
+    assert fleet.dispatcher.message(task).startswith(
+        "this gateway serves no robot robot-2 (--robots); the task stays with it"
+    )
+    cancelled = fleet.dispatcher.cancel(id)
+    assert (cancelled.state, cancelled.robot) == ("cancelled", "robot-2")
+    assert "its outcome is unknown" in fleet.dispatcher.message(cancelled)
 
 
 # What happens to one robot, and whether the dispatcher and the robots then make a step.

@@ -8,7 +8,9 @@ from typing import Any
 
 import httpx
 import pytest
+from helios_client.answer_types import FleetTask
 from helios_client.sdk import Helios
+from helios_client.supervision import state_file
 from helios_core.errors import InvalidInput
 from helios_core.memory_bus import MemoryHub
 
@@ -142,3 +144,67 @@ def test_the_command_line_shows_the_fleet_and_gives_it_tasks(
     assert "is cancelled" in command("cancel", id[:6], "--robot", "any")
     command("task", "dance", "--robot", "any", status=2)
     assert "names no action" in command.error
+
+
+def test_a_task_for_the_fleet_names_the_words_that_have_no_effect(
+    fleet: Fleet, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fleet.first.unused = fleet.second.unused = ["in the kitchen"]
+    command = Command(fleet.gateway, capsys)
+    id = command("task", INSTRUCTION, "--robot", "any", "--no-wait").strip()
+    assert command.error == "helios: ignored: “in the kitchen”\n"
+    assert fleet.sdk.fleet_task(id).unused == ["in the kitchen"]
+
+
+def test_all_tasks_of_the_fleet_are_cancelled_in_an_order_in_which_none_starts(
+    fleet: Fleet, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at_second = fleet.sdk.submit_to_fleet(INSTRUCTION, robot="second").id
+    wait_until(lambda: fleet.has(at_second, "second"), 60, "the second robot has it")
+    waiting = fleet.sdk.submit_to_fleet(INSTRUCTION, robot="second").id
+    running = fleet.sdk.submit_to_fleet(INSTRUCTION, robot="robot").id
+    wait_until(lambda: fleet.has(running, "robot"), 60, "the first robot has it")
+    fleet.first.change_task(fleet.sdk.fleet_task(running).task_id, "running")
+    wait_until(lambda: fleet.sdk.fleet_task(running).state == "running", 60, "it runs")
+    order: list[str] = []
+
+    def cancel(helios: Helios, id: str) -> FleetTask:
+        order.append(id)
+        return original(helios, id)
+
+    original = Helios.cancel_fleet_task
+    monkeypatch.setattr(Helios, "cancel_fleet_task", cancel)
+    ended = Command(fleet.gateway, capsys).json("cancel", "--all", "--robot", "any")["tasks"]
+    assert order == [task["id"] for task in ended] == [waiting, at_second, running]
+
+
+@pytest.mark.parametrize("supervised", [False, True])
+def test_the_status_has_a_line_for_each_robot(
+    supervised: bool,
+    fleet: Fleet,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    if supervised:
+        row = {"name": "second/map2d", "state": "ready", "reason": "", "restarts": 0, "pid": 7}
+        here = {"ready": True, "services": [row], "robot": "robot", "robots": ["robot", "second"]}
+        state_file.write([tmp_path / "helios" / str(fleet.gateway.port)], here)
+    command = Command(fleet.gateway, capsys)
+    assert command("status").splitlines()[-2:] == ["robot: ready", "second: ready"]
+    Helios(fleet.gateway.url, robot="second").stop_robot("a child")
+    clear = "it will not move until you run helios clear-stop --robot second"
+    said = ["robot: ready", f"second: stopped (a child): {clear}"]
+    assert command("status").splitlines()[-2:] == said
+    found = command.json("status")
+    assert (found["ready"], found["stopped"]) == (False, True)
+    assert found["stop_reason"] == "second: a child"
+    assert [(r["name"], r["ready"], r["stopped"]) for r in found["robots"]] == [
+        ("robot", True, False),
+        ("second", False, True),
+    ]
+    rows = {service["name"] for service in found["services"]}
+    assert "second/map2d" in rows
+    assert ("robot/map2d" in rows) is not supervised
+    assert "robots" not in command.json("status", "--robot", "robot")

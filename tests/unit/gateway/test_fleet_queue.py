@@ -12,6 +12,7 @@ import pytest
 from helios_core import proto as pb
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_gateway.api_keys import ApiKeys
 from helios_gateway.fleet.queue import FleetQueue
 from helios_gateway.fleet.records import FleetTask
 from helios_gateway.service import Gateway, bind
@@ -78,7 +79,9 @@ def test_a_gateway_without_a_usable_queue_stops_its_robot_and_says_what_is_wrong
         file = file / "fleet.sqlite"
     health, listener = Health(), bind("127.0.0.1", 0)
     settings = Settings.load(["--fleet-queue", str(file)])
-    gateway = Gateway(MemoryBus(hub), health, settings, listener, lambda name: MemoryBus(hub, name))
+    gateway = Gateway(
+        MemoryBus(hub), health, settings, listener, ApiKeys(None), lambda name: MemoryBus(hub, name)
+    )
     try:
         url = f"http://127.0.0.1:{listener.getsockname()[1]}"
         assert httpx.post(f"{url}/v1/robot/stop", timeout=20).status_code == 200

@@ -9,7 +9,9 @@ import pytest
 from fastapi.testclient import TestClient
 from helios_core import proto as pb
 from helios_core import tracing
+from helios_core.errors import DeadlineExceeded
 from helios_core.span_recording import SpanRecording
+from helios_core.topics import spans_method
 from helios_gateway.bus_listener import RobotMonitor
 from helios_gateway.faults.life_cycle import Finding
 from helios_gateway.service_registry import ServiceRegistry
@@ -136,13 +138,22 @@ def test_a_task_that_was_not_traced_has_no_trace_and_says_what_to_do(
     backend.tasks[task["id"]].traceparent = f"{trace}-00"
     answer = client.get(f"/v1/tasks/{task['id']}/trace")
     assert (answer.status_code, "OTEL_TRACES_SAMPLER" in answer.json()["detail"]) == (404, True)
-    backend.tasks[task["id"]].traceparent = f"{trace}-01"
-    (planner,) = (
-        s
-        for s in client.get(f"/v1/tasks/{task['id']}/trace").json()["sources"]
-        if s["service"] == "planner"
-    )
-    assert planner["note"] == "it does not answer, or runs without tracing"
+
+
+def test_a_trace_says_why_it_lacks_the_spans_of_a_service(
+    backend: Backend, client: TestClient
+) -> None:
+    def hang(_: pb.SpansRequest) -> pb.SpansReply:
+        raise DeadlineExceeded("map2d/spans gave no answer in 5 s")
+
+    task = client.post("/v1/tasks", json=TASK).json()
+    trace = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01"
+    backend.tasks[task["id"]].traceparent = trace
+    backend.bus.serve(spans_method("map2d"), hang)
+    sources = client.get(f"/v1/tasks/{task['id']}/trace").json()["sources"]
+    notes = {source["service"]: source["note"] for source in sources}
+    assert notes["map2d"] == "map2d/spans gave no answer in 5 s"
+    assert notes["planner"].startswith("it does not answer, or runs without tracing: nobody serves")
 
 
 # --- spans of requests -------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import zlib
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput
 from helios_core.map_snapshot import FREE, OCCUPIED, UNKNOWN, decode_snapshot
+from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_gateway.map_cache import MapCache
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -88,3 +91,12 @@ def test_a_value_layer_without_values_is_refused() -> None:
     message.values["pick"] = b""
     with pytest.raises(InvalidInput, match="value layer pick of the map"):
         decode_snapshot(message)
+
+
+def test_a_map_that_changes_while_its_description_is_made_is_described_next_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    maps = MapCache(MemoryBus(MemoryHub()), 1.0)
+    views = [decode_snapshot(snapshot(version, (0.0, 0.0, 0.0))) for version in (41, 42)]
+    monkeypatch.setattr(maps, "view", iter(views).__next__)
+    assert [json.loads(maps.info_json().content)["version"] for _ in views] == [41, 42]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -11,6 +12,9 @@ from fastapi.testclient import TestClient
 from helios_core import proto as pb
 from helios_core.memory_bus import MemoryBus
 from helios_core.topics import SAVE_MAP2D
+from helios_gateway.api_keys import ApiKeys
+from helios_gateway.request_limits import LimitSettings, RequestLimits
+from starlette.types import Message, Receive, Scope, Send
 
 from tests.gateway_backend import Backend
 from tests.gateway_process import served
@@ -55,3 +59,32 @@ def test_a_second_file_of_a_map_is_refused_while_one_is_made(path: str) -> None:
         finally:
             answer.set()
         assert first.result(20).status_code == 200
+
+
+def test_a_request_whose_client_leaves_within_the_body_is_not_carried_out() -> None:
+    received: list[Message] = [
+        {"type": "http.request", "body": b'{"instruction": "find the mug"}', "more_body": True},
+        {"type": "http.disconnect"},
+    ]
+    carried_out, sent = [], []
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        carried_out.append(await receive())
+
+    async def receive() -> Message:
+        return received.pop(0)
+
+    async def send(message: Message) -> None:
+        sent.append(message)
+
+    bounds = LimitSettings(
+        body_bytes=1000, large_bytes=1000, map_bytes=1000, body_s=20, requests_per_s=9, requests=9
+    )
+    scope = {
+        "type": "http",
+        "method": "POST",
+        "path": "/v1/tasks",
+        "headers": [(b"host", b"localhost")],
+    }
+    asyncio.run(RequestLimits(app, bounds, ApiKeys(None))(scope, receive, send))
+    assert carried_out == sent == []

@@ -94,6 +94,16 @@ def test_the_map_is_rendered_from_any_pose(
     assert client.get("/v1/map/view.png?x_m=nan&y_m=0").status_code in (400, 422)
 
 
+@pytest.mark.parametrize("query", ["width_px=16&height_px=1280&fov_rad=2.5", "width_px=4000"])
+def test_a_camera_that_cannot_exist_is_a_wrong_request(
+    backend: Backend, client: TestClient, query: str
+) -> None:
+    answer = client.get(f"/v1/map/view.png?x_m=0&y_m=0&{query}")
+    assert answer.status_code == 400
+    assert "width_px" in answer.json()["detail"]
+    assert backend.rendered is None
+
+
 def test_gaussians_are_exported_and_an_unknown_object_gets_status_404(
     backend: Backend, client: TestClient
 ) -> None:

@@ -15,6 +15,7 @@ import uvicorn
 from helios_core.errors import Unavailable
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_gateway.api_keys import ApiKeys
 from helios_gateway.service import Gateway, bind
 from helios_gateway.settings import Settings
 
@@ -36,6 +37,17 @@ def test_a_port_in_use_prints_one_sentence_and_exits_with_status_1() -> None:
     )
 
 
+def test_missing_keys_are_told_before_a_router_is_found() -> None:
+    router = f"tcp/127.0.0.1:{free_port()}"
+    command = [sys.executable, "-m", "helios_gateway", "--host", "0.0.0.0", "--port", "0"]
+    done = subprocess.run(
+        [*command, "--router", router], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 2
+    assert "API keys are needed: make one with helios key" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
 def test_a_host_address_of_another_machine_is_refused() -> None:
     with pytest.raises(Unavailable, match="--host"):
         bind("192.0.2.1", 0)
@@ -48,7 +60,9 @@ def test_the_gateway_streams_events_and_closes_with_open_streams(
     listener = bind("127.0.0.1", 0)
     port = listener.getsockname()[1]
     settings = Settings.load(["--tick-s", "0.05"])
-    gateway = Gateway(MemoryBus(hub), health, settings, listener, lambda name: MemoryBus(hub, name))
+    gateway = Gateway(
+        MemoryBus(hub), health, settings, listener, ApiKeys(None), lambda name: MemoryBus(hub, name)
+    )
     assert health.state == ("ready", f"http://127.0.0.1:{port}/")
     with (
         httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=20) as client,
@@ -108,7 +122,12 @@ def test_a_web_server_that_ends_by_itself_ends_the_process(
     monkeypatch.setattr(uvicorn.Server, "run", run)
     listener = bind("127.0.0.1", 0)
     gateway = Gateway(
-        MemoryBus(hub), Health(), Settings.load([]), listener, lambda name: MemoryBus(hub, name)
+        MemoryBus(hub),
+        Health(),
+        Settings.load([]),
+        listener,
+        ApiKeys(None),
+        lambda name: MemoryBus(hub, name),
     )
     wait_until(lambda: ended, 60, "the process is told to end")
     gateway.close()

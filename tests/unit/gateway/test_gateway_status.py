@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 from concurrent.futures import ThreadPoolExecutor
+from unittest.mock import AsyncMock
 
 import pytest
 from fastapi import FastAPI
@@ -10,7 +12,11 @@ from fastapi.testclient import TestClient
 from helios_core import proto as pb
 from helios_core.topics import status_topic
 from helios_gateway.bus_listener import RobotMonitor
+from helios_gateway.fleet.queue import FleetQueue
+from helios_gateway.prometheus_metrics import Metrics, RequestMetrics
+from helios_gateway.robot_registry import RobotRegistry
 from helios_gateway.service_registry import ServiceRegistry
+from starlette.types import Receive, Scope, Send
 
 from tests.gateway_backend import Backend
 from tests.support import wait_until
@@ -263,3 +269,18 @@ def test_the_openapi_description_has_every_documented_address(client: TestClient
         "/v1/objects", "/v1/camera.jpg", "/v1/robot", "/v1/robot/stop", "/v1/robot/clear-stop",
         "/v1/status", "/healthz", "/readyz", "/metrics",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(("started", "status"), [(True, "200"), (False, "500")])
+def test_a_request_that_fails_counts_once(started: bool, status: str) -> None:
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        if started:
+            await send({"type": "http.response.start", "status": 200, "headers": []})
+        raise OSError("the file is gone")
+
+    metrics = Metrics(RobotRegistry({}), FleetQueue(None))
+    scope = {"type": "http", "method": "GET", "path": "/v1/map"}
+    with pytest.raises(OSError, match="the file is gone"):
+        asyncio.run(RequestMetrics(app, metrics)(scope, AsyncMock(), AsyncMock()))
+    counted = [s for m in metrics.requests.collect() for s in m.samples if s.name.endswith("total")]
+    assert [(s.labels["status"], s.value) for s in counted] == [(status, 1.0)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -11,8 +12,10 @@ import pytest
 import zstandard
 from fastapi.testclient import TestClient
 from helios_client.commands.api_keys import add_key
-from helios_core.errors import Internal
+from helios_core import proto as pb
+from helios_core.errors import DeadlineExceeded, HeliosError, Internal, Unavailable
 from helios_core.memory_bus import MemoryBus, MemoryHub
+from helios_core.topics import SNAPSHOT
 from helios_gateway import viewer_scene
 from helios_gateway.bus_listener import RobotMonitor
 from helios_gateway.class_colors import class_rgb
@@ -85,6 +88,21 @@ def test_a_scene_contains_gaussians_ground_and_labels(client: TestClient, backen
     assert client.get("/v1/objects.viser?color=taste").status_code == 400
 
 
+@pytest.mark.parametrize("error", [DeadlineExceeded, Internal, Unavailable])
+def test_a_scene_without_an_answer_of_the_2d_map_has_no_ground(
+    client: TestClient, backend: Backend, error: type[HeliosError]
+) -> None:
+    def fail(_: pb.SnapshotRequest) -> pb.MapSnapshot:
+        raise error("it hangs")
+
+    backend.bus.serve(SNAPSHOT, fail)
+    answer = client.get("/v1/objects.viser")
+    assert answer.status_code == 200
+    named = {m.get("name") for m in messages(answer.content)}
+    assert "/gaussians" in named
+    assert "/ground" not in named
+
+
 def test_a_scene_is_built_once_per_version_and_unchanged_gets_status_304(
     client: TestClient, backend: Backend, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -127,6 +145,17 @@ def test_a_missing_viser_package_is_reported_with_the_extra_to_install(
     client: TestClient, backend: Backend, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(viewer_scene, "find_spec", lambda _: None)
+    for path in ("/v1/view3d", "/v1/objects.viser"):
+        answer = client.get(path)
+        assert answer.status_code == 503
+        assert "helios-ovmm[viewer]" in answer.json()["detail"]
+
+
+def test_a_viser_package_without_its_page_is_reported_with_the_extra_to_install(
+    client: TestClient, backend: Backend, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from_source = SimpleNamespace(origin=str(tmp_path / "__init__.py"))
+    monkeypatch.setattr(viewer_scene, "find_spec", lambda _: from_source)
     for path in ("/v1/view3d", "/v1/objects.viser"):
         answer = client.get(path)
         assert answer.status_code == 503

@@ -33,7 +33,7 @@ JSON = {"content-type": "application/json"}
          'the body is no JSON (Expecting property name enclosed in double quotes at character 1); '
          'send a JSON object such as {"instruction": "Move the mug'),
         ("POST", "/tasks", b"{}",
-         "instruction is missing; send it: task in natural language; at most 10000 characters; for "
+         "instruction is missing; send it: task in natural language; at most 400 characters; for "
          'example {"instruction": "Move the mug'),
         ("POST", "/tasks", b"", "the body is empty; send a JSON object such as"),
         ("POST", "/tasks", b"[]", "the body is no JSON object; send a JSON object such as"),
@@ -43,12 +43,15 @@ JSON = {"content-type": "application/json"}
         ("POST", "/tasks", b'{"instruction": "find it", "speed": 1}',
          "speed is not known here; leave it out"),
         ("POST", "/tasks", b'{"instruction": " "}', "the instruction is empty; say what to move"),
+        ("POST", "/tasks", b'{"instruction": "' + b"x" * 401 + b'"}',
+         "the instruction has 401 characters; send at most 400"),
         ("PUT", "/map.zip", b"",
          "the body is empty; send a map file from GET /v1/map.zip or `helios map save`"),
         ("GET", "/seen", b"", "prompt is missing; send it"),
         ("GET", "/seen?prompt=cup&limit=many", b"", "limit is 'many'; wanted a valid integer"),
         ("GET", "/tasks?state=asleep", b"", "state is 'asleep'; wanted 'queued', 'running'"),
         ("GET", "/objects/x", b"", "id is 'x'; wanted a valid integer"),
+        ("GET", "/objects/0", b"", "id is '0'; wanted greater than or equal to 1"),
         ("POST", "/session", b"{}", "key is missing; send it"),
     ],
 )  # fmt: skip

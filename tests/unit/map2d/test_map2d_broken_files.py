@@ -7,8 +7,10 @@ import hashlib
 import io
 import json
 import math
+import struct
 from collections.abc import Callable
 
+import cv2
 import numpy as np
 import pytest
 from helios_core import proto as pb
@@ -80,6 +82,14 @@ def test_an_invalid_or_truncated_map_image_is_refused(rig: Rig, picture: bytes) 
     assert_refused(rig, "no picture of a map", ("m.yaml", yaml()), ("m.pgm", picture))
 
 
+def test_a_too_large_map_image_is_refused_before_decoding(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    png = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", 8001, 8000)
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("it was decoded"))
+    assert_refused(rig, "up to 64000000 cells", ("m.yaml", yaml()), ("m.png", png))
+
+
 def test_two_maps_in_one_load_are_refused(rig: Rig) -> None:
     (file,) = saved(rig, "map")
     assert_refused(rig, "send one map at a time", ("a.map", file.data), ("b.map", file.data))
@@ -102,6 +112,7 @@ def moved(message: pb.KeptMap, row: int) -> None:
         (lambda m: setattr(m.robot, "x_m", 1e300), "from the world's origin"),
         (lambda m: setattr(m, "cell_m", math.nan), "nan m wide"),
         (lambda m: setattr(m, "tile_cells", 32), "tiles of 32 cells"),
+        (lambda m: setattr(m, "version", 2**64 - 1), "version 18446744073709551615, wanted less"),
         (lambda m: moved(m, -(2**31)), "from the world's origin"),
         (lambda m: setattr(m, "next_frontier_id", 2**62), "frontiers are damaged"),
         (lambda m: setattr(m.values[0], "layer", "x" * 1000), "a name of 1000 characters"),

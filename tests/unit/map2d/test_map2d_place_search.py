@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helios_core import proto as pb
+from helios_core.codec import frame_to_proto
 from helios_core.errors import Unavailable
 from helios_core.geometry import Matrix, invert, se2_to_se3
 from helios_core.map_autosave import WriteOutcome
 from helios_core.map_snapshot import OCCUPIED, UNKNOWN, decode_snapshot
-from helios_core.topics import RECALL, RELOCALISATION, RESET_MAP2D
+from helios_core.topics import FRAME, RECALL, RELOCALISATION, RESET_MAP2D
 from helios_core.types import Frame
 from map2d_kept import load, saved
 from map2d_rig import Rig
@@ -106,6 +107,17 @@ def test_a_loaded_map_is_used_once_the_robot_has_found_its_place(
     column, row = (np.array((T_NOW_HOME @ [1.2, 2.2, 0, 1])[:2]) - view.origin_m) / view.cell_m
     assert view.occupancy[int(row), int(column)] not in (UNKNOWN, OCCUPIED)
     assert "stored map" not in rig.health.state[1]
+
+
+def test_stream_frames_start_no_attempt_to_relocalise(home_file: list[pb.Map2DFile]) -> None:
+    rig, told = started("--integrate-stream")
+    load(rig, home_file, same_frame=False)
+    rig.walk = Walk(HOME)
+    for frame in rig.walk.look_around(4.2, 2.5):
+        rig.bus.publish(FRAME, frame_to_proto(in_frame(frame, T_NOW_HOME, "tuesday")))
+    assert rig.service.places_settled(WAIT_S)
+    assert told[-1].attempts == 0
+    assert rig.health.metrics()["stream_frames"] == 12
 
 
 def test_past_views_of_a_stored_map_are_searched_once_it_is_relocalised(

@@ -21,7 +21,8 @@ from helios_core.topics import (
     SNAPSHOT,
 )
 from helios_core.types import FrameId, RobotState, Shown
-from map2d_rig import Rig
+from helios_map2d.service import MOST_WAITING
+from map2d_rig import ROBOT, Rig
 from map2d_scene import Block, Walk, room
 
 
@@ -72,6 +73,23 @@ def test_keyframes_wait_for_the_robot_description() -> None:
     rig.describe()
     assert [(a.part, a.accepted) for a in rig.acks] == [("occupancy", True)]
     assert rig.health.state == ("ready", "")
+
+
+def test_an_observation_that_waits_too_long_is_refused_with_what_it_waits_for() -> None:
+    rig = Rig(described=False)
+    rig.search("first")
+    frame = rig.walk.frame(2.0, 1.5, 0.0)
+    for context_id in ("first", "second", "first"):
+        rig.observe(frame, context_id)
+    for _ in range(MOST_WAITING - 1):
+        rig.observe(frame, "third")
+    assert [ack.reason for ack in rig.acks] == [
+        "the robot has not described itself; start its bridge",
+        "search context 'second' was never announced here",
+    ]
+    rig.describe(dataclasses.replace(ROBOT, max_depth_m=0.0))
+    rig.observe(frame, "third")
+    assert "max_depth_m 0" in rig.acks[-1].reason
 
 
 def test_observations_wait_for_their_context_and_old_ones_are_refused(rig: Rig) -> None:

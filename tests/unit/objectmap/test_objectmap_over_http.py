@@ -70,9 +70,10 @@ def test_all_four_layers_are_rendered_from_a_pose_without_a_frame(client):
     assert green > blue + 30
 
 
-def test_a_view_of_an_unknown_class_is_refused_with_the_known_classes(client):
-    answer = client.get(f"/v1/map/view.png?{POSE}&layer=probability&class=piano")
-    assert answer.status_code == 404
+@pytest.mark.parametrize("query", ["&class=piano", ""])
+def test_a_view_without_a_known_class_is_refused_with_the_known_classes(client, query):
+    answer = client.get(f"/v1/map/view.png?{POSE}&layer=probability{query}")
+    assert answer.status_code == 400
     assert "mug, table" in answer.json()["detail"]
 
 

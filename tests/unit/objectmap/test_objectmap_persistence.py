@@ -226,6 +226,25 @@ def test_a_complete_file_with_invalid_values_is_refused(rig, array, value, said)
         persistence.read(persistence.to_bytes(arrays), ObjectMap(SETTINGS).empty_viewpoints())
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"updates": 2**63}, "9223372036854775808 updates"),
+        ({"updates": -1}, "-1 updates"),
+        ({"newest_seq": 2**64}, "no whole object map"),
+        ({"newest_seq": -1}, "no whole object map"),
+        ({"epoch": ["boot", 2**32], "newest_seq": None}, "no whole object map"),
+    ],
+)
+def test_a_file_with_numbers_that_no_message_holds_is_refused(rig, changes, said):
+    with np.load(io.BytesIO(rig.saved())) as file:
+        arrays = {name: file[name] for name in file.files}
+    header = json.loads(arrays["header"].tobytes()) | changes
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+    with pytest.raises(InvalidInput, match=said):
+        persistence.read(persistence.to_bytes(arrays), ObjectMap(SETTINGS).empty_viewpoints())
+
+
 @pytest.mark.parametrize("label", [-2_000_000_000, 2**31 - 2])
 def test_labels_are_checked_before_they_index_an_array(rig, label, monkeypatch):
     """The first of these labels ended the process, the second allocated 16 GB."""

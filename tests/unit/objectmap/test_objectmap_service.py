@@ -31,6 +31,7 @@ from helios_core.topics import (
     WHAT_IF,
 )
 from helios_core.types import RobotState, SearchContext
+from helios_objectmap.object_messages import camera_of
 from helios_objectmap.service import MOST_WAITING, ObjectMapService
 from helios_objectmap.settings import ObjectMapSettings
 from objectmap_scene import (
@@ -343,6 +344,14 @@ def test_a_what_if_of_more_pixels_than_a_picture_may_have_is_refused_before_it_i
         rig.bus.call(WHAT_IF, request, 30.0)
     request.camera.CopyFrom(pinhole_to_proto(CAMERA))
     assert rig.bus.call(WHAT_IF, request, 30.0).pixels
+
+
+def test_the_pixels_of_a_strided_picture_are_those_that_the_stride_keeps():
+    camera = pb.Pinhole(fx=1e8, fy=1e8, cx=2e9, cy=2, width=4_000_000_000, height=4)
+    assert camera_of(camera, 8).height == 4  # its first row would be the fifth
+    camera.height = 5
+    with pytest.raises(InvalidInput, match="4000000000x5 pixels asked for; at most 147456000 in"):
+        camera_of(camera, 8)
 
 
 def test_retire_by_id_or_point_removes_the_object(rig):

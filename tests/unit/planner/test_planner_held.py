@@ -8,8 +8,10 @@ import time
 import numpy as np
 import pytest
 from helios_core import proto as pb
+from helios_core.codec import state_to_proto
 from helios_core.robot import Action, ActionResult, Pick, Place
-from helios_core.topics import CANCEL
+from helios_core.topics import CANCEL, GET_STATE
+from helios_core.types import RobotState
 from helios_planner.instruction.parser import parse
 from helios_planner.settings import Settings
 from helios_planner.task import Cause, TaskFailed
@@ -116,3 +118,19 @@ def test_a_cancelled_task_reports_the_held_object_and_the_next_task_places_it(
     assert ended(bus, second).state == "succeeded", task(bus, second).message
     kinds = [type(action) for action in peers.world.log]
     assert (kinds.count(Pick), kinds.count(Place)) == (1, 1)
+
+
+def test_a_cancelled_task_ends_as_cancelled_although_the_robots_state_is_unusable(
+    group: PlannerGroup,
+) -> None:
+    peers = group.peers(flat_with_mug())
+    bus = group.planner()
+    peers.gate = threading.Event()
+    id = submit(bus, "find the mug").id
+    wait_until(peers.acting.is_set, 60, "it acts")
+    bus.call(CANCEL, pb.TaskRequest(id=id), 5)
+    lost = RobotState(np.full((4, 4), np.nan))
+    peers.bus.serve(GET_STATE, lambda _: state_to_proto(lost))
+    peers.gate.set()
+    done = ended(bus, id)
+    assert (done.state, done.message) == ("cancelled", "cancelled; the robot stands")

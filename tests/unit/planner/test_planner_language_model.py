@@ -167,3 +167,15 @@ def test_a_key_is_not_shown_and_an_address_without_scheme_is_refused() -> None:
     assert "hush" not in repr(settings) + str(settings.described())
     with pytest.raises(ValidationError, match="llm_url"):
         Settings(llm_url="localhost:11434")
+
+
+@pytest.mark.parametrize("key", ["ключ", "a\nb", "clé"])
+def test_a_key_that_no_request_can_carry_is_refused_with_its_setting_and_not_shown(
+    key: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HELIOS_PLANNER_LLM_KEY", key)
+    with pytest.raises(SystemExit):
+        Settings.load([])
+    said = capsys.readouterr().err
+    assert "llm_key: the key has characters that no HTTP header holds" in said
+    assert key not in said

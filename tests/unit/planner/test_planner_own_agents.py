@@ -75,7 +75,7 @@ def options() -> tuple[list[ReceptacleOption], list[FrontierOption]]:
 def chosen(rule: Callable[[Places], Any], *, frontiers_only: bool = False) -> Decision:
     receptacles, frontiers = options()
     rng = np.random.default_rng(0)
-    given = [] if frontiers_only else receptacles
+    given = None if frontiers_only else receptacles
     return by_own_rule(rule, given, frontiers, "mug", "pick", rng)
 
 
@@ -115,6 +115,19 @@ def test_a_place_with_score_minus_infinity_is_never_chosen() -> None:
     decision = chosen(lambda p: np.where(p.is_frontier, -np.inf, 0.0))
     assert [c.kind for c in decision.candidates] == ["receptacle"]
     assert chosen(lambda p: np.full(len(p), -np.inf)).do is Do.NOTHING_LEFT
+
+
+@pytest.mark.parametrize(
+    ("frontiers_only", "what"), [(True, "no frontier"), (False, "no receptacle to search and no")]
+)
+def test_a_search_without_places_tells_among_which_kinds_it_chose(
+    frontiers_only: bool, what: str
+) -> None:
+    decision = chosen(lambda p: np.full(len(p), -np.inf), frontiers_only=frontiers_only)
+    assert decision.why.startswith(f"nothing is left: {what}")
+    given = None if frontiers_only else []
+    rng = np.random.default_rng(0)
+    assert by_own_rule(left_first, given, [], "mug", "pick", rng).why == decision.why
 
 
 @pytest.mark.parametrize(

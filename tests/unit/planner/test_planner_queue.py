@@ -10,7 +10,7 @@ from typing import Any, cast
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import Conflict, InvalidInput
-from helios_core.topics import CANCEL, LIST_TASKS, SUBMIT, TASK
+from helios_core.topics import CANCEL, LIST_TASKS, RESERVE, SUBMIT, TASK
 from helios_planner.instruction.parser import parse
 from helios_planner.service import PlannerService
 from helios_planner.task import State, Task
@@ -46,6 +46,43 @@ def test_a_task_beyond_the_most_that_wait_is_refused_until_one_is_gone(start: St
     assert planner._health.metrics()["tasks_waiting"] == 1
     assert submit(bus).state == "queued"
     peers.gate.set()
+
+
+def test_a_task_that_is_cancelled_while_it_is_stored_ends(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    planner, bus, _ = start()
+    add = planner._registry.add
+
+    def add_then_cancel(new: Task) -> pb.Task:
+        added = add(new)
+        bus.call(CANCEL, pb.TaskRequest(id=new.id), 5)
+        return added
+
+    monkeypatch.setattr(planner._registry, "add", add_then_cancel)
+    asked = pb.SubmitRequest(instruction=MOVE, on_hold=True)
+    answer = bus.call(SUBMIT, asked, 5)
+    assert (answer.state, answer.message) == ("cancelled", "cancelled before it began")
+    assert task(bus, answer.id).state == "cancelled"
+    assert planner._health.metrics()["tasks_waiting"] == 0
+    assert bus.call(RESERVE, pb.ReserveRequest(why="a test", for_s=1.0), 5).token
+
+
+def test_a_task_has_a_place_in_the_queue_while_it_is_stored(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    planner, bus, _ = start(max_waiting=1)
+    add = planner._registry.add
+
+    def add_beside_another(new: Task) -> pb.Task:
+        with pytest.raises(Conflict, match="1 tasks wait already"):
+            planner.submit(pb.SubmitRequest(instruction=MOVE))
+        return add(new)
+
+    monkeypatch.setattr(planner._registry, "add", add_beside_another)
+    id = submit(bus).id
+    bus.call(CANCEL, pb.TaskRequest(id=id), 5)
+    assert ended(bus, id).state == "cancelled"
 
 
 def test_the_queue_is_ordered_by_priority_and_then_by_submission(start: Start) -> None:

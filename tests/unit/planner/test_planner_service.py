@@ -6,7 +6,7 @@ import threading
 from pathlib import Path
 
 from helios_core import proto as pb
-from helios_core.topics import CANCEL, CONTEXT, DECISIONS, TASK
+from helios_core.topics import CANCEL, CONTEXT, DECISIONS, SUBMIT, TASK
 from helios_planner.tasks.store import Store
 from planner_bus import Start, ended, submit, task
 
@@ -35,6 +35,22 @@ def test_a_task_succeeds_and_its_decisions_have_reasons(start: Start) -> None:
         "goal_receptacle",
     }
     assert peers.context.prompts["pick"] == "Seems like there is a coffee table ahead"
+
+
+def test_a_decision_of_another_version_does_not_hide_the_others(start: Start) -> None:
+    planner, bus, _ = start()
+    id = bus.call(SUBMIT, pb.SubmitRequest(instruction="find the mug", on_hold=True), 5).id
+    rows = (
+        pb.Decision(rule="best view", do="a former name"),
+        pb.Decision(rule="pick (eq. 7, 11)", do="nothing_left"),  # it has no threshold
+        pb.Decision(rule="best view", do="nothing_left"),
+    )
+    for index, row in enumerate(rows):
+        row.task_id, row.index = id, index
+        planner._store.add(row)
+    asked = pb.TaskRequest(id=id, settings={"alpha_d": "0.2"})
+    reported = bus.call(DECISIONS, asked, 5).decisions
+    assert [d.HasField("recomputed") for d in reported] == [False, False, True]
 
 
 def test_a_running_task_is_cancelled_within_one_action(start: Start) -> None:

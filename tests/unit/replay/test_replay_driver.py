@@ -161,6 +161,13 @@ def test_a_missing_file_is_named(folder: Path, name: str) -> None:
         ReplayDriver(folder)
 
 
+def test_a_folder_without_a_data_set_is_reported_with_the_formats(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for path in (tmp_path, tmp_path / "none", tmp_path / "file"):
+        with pytest.raises(InvalidInput, match=rf"no data set at {path}; .*\.mcap.*groundtruth"):
+            read_dataset(path)
+
+
 @pytest.mark.parametrize("data", [b"", b"no image", None])
 @pytest.mark.parametrize("suffix", ["jpg", "png"])
 def test_a_corrupt_image_is_named_and_the_next_one_still_plays(

@@ -99,7 +99,14 @@ def test_any_layer_has_a_valid_topic_name(text: str) -> None:
 def test_a_task_is_an_instruction_or_json() -> None:
     assert submit_request(" find the cup ").instruction == "find the cup"
     assert submit_request('{"instruction": "find the cup", "priority": 3}').priority == 3
-    for wrong in ("{nonsense", '{"instrction": "x"}', '{"instruction": 3}'):
+    own = '{"instruction": "find the cup", "settings": {"alpha_d": 0.01, "pick_rule": "ovmm"}}'
+    assert dict(submit_request(own).settings) == {"alpha_d": "0.01", "pick_rule": "ovmm"}
+    for wrong in (
+        "{nonsense",
+        '{"instrction": "x"}',
+        '{"instruction": 3}',
+        '{"instruction": "x", "settings": [1]}',
+    ):
         with pytest.raises(InvalidInput, match="send an instruction"):
             submit_request(wrong)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from helios_client import cli
 
+from tests.support import free_port
 from tests.unit.viewers.viewed_robot import say_of
 
 
@@ -26,6 +27,11 @@ def test_wrong_use_is_refused(args: tuple[str, ...], code: int, words: str) -> N
 
 def test_without_a_running_robot_it_says_how_to_name_one(tmp_path: Path) -> None:
     assert_one_sentence(say_of("--foxglove", "--state", str(tmp_path)), 1, "--router")
+
+
+def test_without_a_router_no_viewer_is_told_to_connect() -> None:
+    nobody = f"tcp/127.0.0.1:{free_port()}"
+    assert_one_sentence(say_of("--foxglove", "--router", nobody), 1, "no router at")
 
 
 @pytest.mark.parametrize("extra", ["foxglove", "rerun"])

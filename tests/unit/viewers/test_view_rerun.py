@@ -4,7 +4,9 @@ server."""
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
+import threading
 from collections import Counter
 from contextlib import suppress
 from pathlib import Path
@@ -47,6 +49,43 @@ def test_every_entity_of_a_saved_file_has_rows(recorded: Path, tmp_path: Path) -
     assert rows.keys() >= ENTITIES
     assert rows["/world/keyframe/color"] == 3  # of the recording
     assert rows["/decision"] == 3
+
+
+@pytest.mark.parametrize("earlier", ["an older file", None])
+def test_a_file_is_left_alone_if_nothing_can_be_shown(
+    earlier: str | None, recorded: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "view.rrd"
+    if earlier is not None:
+        out.write_text(earlier)
+    nobody = f"tcp/127.0.0.1:{free_port()}"
+    assert say_of("--rerun", "--save", str(out), "--router", nobody)[0] == 1
+    with socket.socket() as taken:  # fails after the file is opened
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        foxglove = ("--foxglove", "--foxglove-port", str(taken.getsockname()[1]))
+        assert say_of(str(recorded), "--rerun", "--save", str(out), *foxglove)[0] == 1
+    left = {path: path.read_text() for path in tmp_path.iterdir()}
+    assert left == ({} if earlier is None else {out: earlier})
+
+
+def test_a_pipe_is_written_directly(recorded: Path, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.rrd"
+    os.mkfifo(pipe)
+    threading.Thread(target=pipe.read_bytes, daemon=True).start()
+    assert say_of(str(recorded), "--rerun", "--save", str(pipe))[0] == 0
+    assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [(".", "is a folder; name a file in it"), ("none/x.rrd", "no folder")]
+)
+def test_a_file_that_cannot_be_written_is_reported(
+    name: str, words: str, recorded: Path, tmp_path: Path
+) -> None:
+    code, said = say_of(str(recorded), "--rerun", "--save", str(tmp_path / name))
+    assert (code, said.count("\n")) == (1, 1)
+    assert words in said
 
 
 def test_the_gaussians_are_splats_with_colour_and_size(recorded: Path, tmp_path: Path) -> None:
