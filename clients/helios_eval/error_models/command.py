@@ -58,6 +58,10 @@ def calibrate(job: Job, say: Callable[[str], None]) -> Built:
         raise UsageError(
             f"--detector {RECORDED} needs recordings; with --homes name simulated:TABLE or a model"
         )
+    if job.recordings and job.detector.partition(":")[0] == "simulated":
+        raise UsageError(
+            f"--detector {job.detector} needs --homes; with recordings name {RECORDED} or a model"
+        )
     if job.preset not in PRESETS:
         raise UsageError(f"no preset is called {job.preset!r}; wanted one of {', '.join(PRESETS)}")
     for file in (job.out, job.chart):

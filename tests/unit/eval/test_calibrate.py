@@ -161,6 +161,7 @@ def test_homes_give_a_model_with_rates_and_scores(tmp_path: Path) -> None:
         (["--homes", "990-1000", "--detector", "simulated:ovmm-v1"], "homes below 1000"),
         (["--homes", "0", "--preset", "no", "--detector", "simulated:ovmm-v1"], "no preset"),
         (["--homes", "0", "--detector", "recorded"], "recorded needs recordings"),
+        (["x.mcap", "--detector", "simulated:ovmm-v1"], "simulated:ovmm-v1 needs --homes"),
     ],
 )
 def test_wrong_use_is_told_in_one_sentence(given, said, tmp_path: Path, capsys) -> None:
