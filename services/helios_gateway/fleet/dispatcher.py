@@ -38,6 +38,7 @@ DROPPED_S = 5.0  # a robot that is away for this long gives back the task that i
 RETRY_S = 5.0  # pause before the next offer to a robot that did not answer, or had no room
 LATE_S = 60.0  # longest time for which an offer can be under way to its robot
 TOLD = (Stage.STARTING, Stage.BEGUN)
+_Subject = tuple[str, str]  # what a step of a cycle is about, such as "task", and its id
 
 
 class Dispatcher:
@@ -54,7 +55,7 @@ class Dispatcher:
         }
         self._asked_s: dict[str, float] = {}  # last request for each begun task
         self._rests_until_s: dict[str, float] = {}  # robots that have not taken an offer
-        self._said: dict[str, str] = {}  # last logged trouble of each task and robot
+        self._said: dict[_Subject, str] = {}  # last logged trouble of each
         self._thread = threading.Thread(target=self._run, name="fleet", daemon=True)
 
     def start(self) -> None:
@@ -188,37 +189,35 @@ class Dispatcher:
         for robot in self.robots.values():
             robot.note_presence()
             if is_used:
-                self._contained(f"robot {robot.name}", robot.refresh)
+                self._contained(("robot", robot.name), robot.refresh)
         for offer in self.queue.withdrawn():
-            what = f"task {offer.task_id}"
-            self._contained(what, lambda offer=offer: self._drop_at_robot(offer))
+            subject = ("withdrawn offer", offer.task_id)
+            self._contained(subject, lambda offer=offer: self._drop_at_robot(offer))
         for task in self.queue.open_tasks():
-            self._contained(f"task {task.id}", lambda task=task: self._follow(task))
+            self._contained(("task", task.id), lambda task=task: self._follow(task))
         self._assign()
         self._forget_ended()
 
-    def _contained(self, what: str, step: Callable[[], None]) -> None:
-        """Run one step; any error is logged, the other steps go on, and the next cycle repeats
-        this one. what: the task or robot that it concerns, its id or name last."""
+    def _contained(self, subject: _Subject, step: Callable[[], None]) -> None:
+        """Run one step; any error is logged once, the other steps go on, and the next cycle
+        repeats this one."""
         try:
             step()
-            self._said.pop(what, None)
+            self._said.pop(subject, None)
         except Exception as error:
             known = isinstance(error, HeliosError)
             said = error.message if known else repr(error)
-            if self._said.get(what) != said:
-                self._said[what] = said
+            if self._said.get(subject) != said:
+                self._said[subject] = said
                 level = logging.INFO if known else logging.ERROR
-                log.log(level, "%s of the fleet: %s", what, said, exc_info=not known)
+                log.log(level, "%s %s of the fleet: %s", *subject, said, exc_info=not known)
 
     def _forget_ended(self) -> None:
         """Drop what is kept of tasks and offers that are over."""
         tasks = {task.id for task in self.queue.open_tasks()}
-        named = {*self.robots, *tasks, *(offer.task_id for offer in self.queue.withdrawn())}
+        kept = tasks | {offer.task_id for offer in self.queue.withdrawn()} | set(self.robots)
         self._asked_s = {id: at_s for id, at_s in self._asked_s.items() if id in tasks}
-        self._said = {
-            what: said for what, said in self._said.items() if what.rpartition(" ")[2] in named
-        }
+        self._said = {about: said for about, said in self._said.items() if about[1] in kept}
 
     def _follow(self, task: FleetTask) -> None:
         if task.stage is Stage.OFFERED:  # the offer was not confirmed, or the gateway restarted
@@ -266,8 +265,7 @@ class Dispatcher:
             for t in waiting
         ]
         for one in assignments(asked, idle):
-            what = f"the offer of task {one.task_id}"
-            self._contained(what, lambda one=one: self._offer(one))
+            self._contained(("offer of task", one.task_id), lambda one=one: self._offer(one))
 
     def _offer(self, one: Assignment) -> None:
         """Offer a task to a robot on hold; if it accepts, let it start."""
