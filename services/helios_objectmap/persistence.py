@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from helios_core.codec.frames import FARTHEST_M, frame_id_to_proto
+from helios_core.codec.frames import FARTHEST_M, LATEST_S, frame_id_to_proto
 from helios_core.errors import InvalidInput
 from helios_core.npz_reading import one_array, unpacked
 from helios_core.types import FrameId, Role, WorldId
@@ -205,7 +205,15 @@ def _record(
     detected_at: list | None = None,
     in_core: bool = True,
 ) -> InstanceRecord:
-    """Instance record of a file. Files of earlier builds lack the last two fields."""
+    """Instance record of a file. Files of earlier builds lack the last two fields. Raises
+    ValueError for numbers that a message cannot hold."""
+    numbers = [float(views), float(detected), *(float(n) for moment in history for n in moment)]
+    if not np.isfinite(numbers).all():
+        raise ValueError(f"a number of an instance of {str(name)[:40]!r} is not finite")
+    if any(abs(moment[0]) > LATEST_S * 10**9 for moment in history):
+        raise ValueError(
+            f"the history of an instance of {str(name)[:40]!r} has a time of more than {LATEST_S} s"
+        )
     return InstanceRecord(
         str(name),
         float(views),

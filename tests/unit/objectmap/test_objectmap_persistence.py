@@ -245,6 +245,24 @@ def test_a_file_with_numbers_that_no_message_holds_is_refused(rig, changes, said
         persistence.read(persistence.to_bytes(arrays), ObjectMap(SETTINGS).empty_viewpoints())
 
 
+@pytest.mark.parametrize(
+    ("moment", "said"),
+    [
+        ([2**63, 1.0, 0.5, 0.5], "a time of more than 9000000000 s"),
+        ([-(2**63), 1.0, 0.5, 0.5], "a time of more than 9000000000 s"),
+        ([0, float("nan"), 0.5, 0.5], "not finite"),
+    ],
+)
+def test_a_history_that_no_message_holds_is_refused(rig, moment, said):
+    with np.load(io.BytesIO(rig.saved())) as file:
+        arrays = {name: file[name] for name in file.files}
+    header = json.loads(arrays["header"].tobytes())
+    next(iter(header["records"].values()))[3].append(moment)
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+    with pytest.raises(InvalidInput, match=said):
+        persistence.read(persistence.to_bytes(arrays), ObjectMap(SETTINGS).empty_viewpoints())
+
+
 @pytest.mark.parametrize("label", [-2_000_000_000, 2**31 - 2])
 def test_labels_are_checked_before_they_index_an_array(rig, label, monkeypatch):
     """The first of these labels ended the process, the second allocated 16 GB."""
