@@ -226,10 +226,16 @@ def _differences(pairs: Sequence[tuple[Arm, Arm]]) -> str:
             cells.append(
                 signed(d.value * k, digits) + (f" {_plain(bounds)}" if d.has_bounds else "")
             )
-        mark = "" if arm.scorer == other.scorer else f", {code(arm.scorer)} − {code(other.scorer)}"
-        label = f"{_named(arm)} − {code(other.agent)}{mark}"
-        rows.append([label, str(len(mine)), *cells])
+        rows.append([_label(arm, other), str(len(mine)), *cells])
     return table(["difference", "homes", "FindObj", "Pick", "FindRec", "SR", "steps"], rows)
+
+
+def _label(arm: Arm, other: Arm) -> str:
+    """Names of two compared arms; of one agent under two rules of a pick, the rules."""
+    if arm.agent == other.agent and arm.pick_rule != other.pick_rule:
+        return f"{code(arm.agent)}, pick rule {code(arm.pick_rule)} − {code(other.pick_rule)}"
+    mark = "" if arm.scorer == other.scorer else f", {code(arm.scorer)} − {code(other.scorer)}"
+    return f"{_named(arm)} − {code(other.agent)}{mark}"
 
 
 def _present(arm: Arm) -> Arm:
