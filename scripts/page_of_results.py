@@ -75,7 +75,7 @@ RUNS = (
 OURS = Run("our-agent", "helios and the paper's agents", arms=3)
 JUDGE = (
     Run("judge", "One object in four is not in the home", arms=3),
-    Run("judge-ovmm-v2", "With the errors of a real detector, simulated", arms=3),
+    Run("judge-ovmm-v2", "With errors fitted to a real detector", arms=3),
     Run("judge-real-detector", "With a real detector", arms=3),
     Run("judge-real-furniture", "With a real detector and realistic furniture", arms=3),
     Run("judge-large", "Larger homes", arms=5),

@@ -6,6 +6,7 @@ import logging
 import os
 import sys
 import threading
+import time
 from collections.abc import Sequence
 
 from helios_core.bus import Bus
@@ -15,8 +16,9 @@ from helios_core.service_process import Service, run_service
 
 from helios_bridge.driver_executor import DriverExecutor
 from helios_bridge.driver_loading import load_driver
-from helios_bridge.service import END_WITHIN_S, BridgeService, close_driver
+from helios_bridge.service import END_WITHIN_S, STOP_AGAIN_S, BridgeService, close_driver
 from helios_bridge.settings import Settings
+from helios_bridge.stop_service import StopService
 
 log = logging.getLogger(__name__)
 
@@ -25,7 +27,8 @@ LONGEST_PAUSE_S = 30.0
 
 
 class RobotHost:
-    """Host of the bridge service, which it creates as soon as the robot is reachable."""
+    """Host of the bridge service, which it creates as soon as the robot is reachable. The stop is
+    served from the start, and repeated until the robot confirms it."""
 
     def __init__(
         self, bus: Bus, health: Health, settings: Settings, executor: DriverExecutor
@@ -34,6 +37,7 @@ class RobotHost:
         self._executor = executor
         self._service: BridgeService | None = None
         self._driver = load_driver(settings, bus)  # wrong settings end the process here
+        self._stops = StopService(bus, self._driver, settings, health, executor)
         executor.start("connect", lambda: self._connect(bus, settings, health))
 
     def _connect(self, bus: Bus, settings: Settings, health: Health) -> None:
@@ -42,16 +46,15 @@ class RobotHost:
         pause_s = FIRST_PAUSE_S
         while not self._ending.is_set():
             again = f"the bridge tries again in {pause_s:g} s"
+            self._stops.robot_stop.repeat()
             try:
-                service = BridgeService(
-                    bus, self._driver, settings, health, executor=self._executor
-                )
+                service = BridgeService(bus, self._driver, settings, health, stops=self._stops)
             except InvalidInput as error:
                 health.degraded(error.message)
                 return
             except Unavailable as error:  # the robot may be starting: the pause stays short
                 health.waiting(f"the robot cannot be reached: {error.message}")
-                self._ending.wait(FIRST_PAUSE_S)
+                self._pause(FIRST_PAUSE_S)
                 continue
             except DeadlineExceeded as error:
                 health.waiting(f"the robot answers too late: {error.message}; {again}")
@@ -65,8 +68,16 @@ class RobotHost:
                 if not self._ending.is_set():
                     service.start()
                 return
-            self._ending.wait(pause_s)
+            self._pause(pause_s)
             pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
+
+    def _pause(self, seconds: float) -> None:
+        """Wait; meanwhile repeat a stop that the robot has not confirmed."""
+        until_s = time.monotonic() + seconds
+        while (left_s := until_s - time.monotonic()) > 0:
+            if self._ending.wait(min(left_s, STOP_AGAIN_S)):
+                return
+            self._stops.robot_stop.repeat()
 
     def close(self) -> None:
         self._ending.set()

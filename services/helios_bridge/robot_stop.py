@@ -1,8 +1,9 @@
 """Stop of the robot: a latched stop by a person, and the halt of an action whose sender is silent.
 
 Both call the driver's stop without the lock on the driver, because an action may be running. A stop
-holds until `clear`, and is repeated until the robot confirms it. A halt ends with the action. The
-driver's stop comes before the log and the disk, which may be slow.
+holds until `clear`, which waits for the end of the action that it interrupted: a driver that looks
+for a stop now and then must not miss it. A stop is repeated until the robot confirms it. A halt
+ends with the action. The driver's stop comes before the log and the disk, which may be slow.
 """
 
 from __future__ import annotations
@@ -10,9 +11,10 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent import futures
 from concurrent.futures import Future
+from contextlib import contextmanager
 
 from helios_core.errors import Conflict, DeadlineExceeded, HeliosError, Unavailable
 from helios_core.heartbeat import HALTED
@@ -26,6 +28,7 @@ log = logging.getLogger(__name__)
 
 MOST_REASONS = 200  # length of all stop reasons together, characters
 RETRY_S = 0.5  # between two questions to a robot that does not answer
+ACTION_ENDS_WITHIN_S = 2.0  # after a stop, before it may be cleared
 UNCONFIRMED = "the robot has not confirmed the stop and may still move"
 
 
@@ -39,19 +42,21 @@ class RobotStop:
         executor: DriverExecutor,
         health: BridgeHealth,
         timeout_s: float,
-        on_change: Callable[[], None],
     ) -> None:
-        """timeout_s: longest wait for the driver's stop. on_change: called after the stop has
-        changed; it may be slow."""
+        """timeout_s: longest wait for the driver's stop."""
         self._driver, self._latch, self._executor = driver, latch, executor
-        self._health, self._timeout_s, self._on_change = health, timeout_s, on_change
+        self._health, self._timeout_s = health, timeout_s
+        self.on_change: Callable[[], None] = lambda: None  # called after a change; it may be slow
         self._lock = threading.Lock()
+        self._no_action = threading.Event()
+        self._no_action.set()
         self.why = latch.read()  # all stop reasons, oldest first; "" if not stopped
         self.confirmed = False  # by the driver
         self._last_why = ""
         self._late = False  # the driver's stop exceeded its time limit
         self._stops, self._clearing = 0, False
-        self._stop_call: Future[None] | None = None  # last call of the driver's stop
+        self._calls = 0  # number of the last call of the driver's stop
+        self._stop_call: Future[None] | None = None
         self._halt_call: Future[None] | None = None  # the driver's stop for a silent sender
 
     @property
@@ -65,6 +70,30 @@ class RobotStop:
             raise Conflict(f"the robot is stopped ({self.why}); clear the stop first")
         if self.halting:
             raise Unavailable("the driver has not come back from ending an action; try again soon")
+
+    @property
+    def stops(self) -> int:
+        """Number of stops so far."""
+        return self._stops
+
+    @contextmanager
+    def acting(self, stops: int) -> Iterator[None]:
+        """Context in which the driver executes an action. Its end also ends a halt.
+
+        stops: number of stops when the action came. Raises as `check`, and Conflict if the robot
+        was stopped since then.
+        """
+        self._no_action.clear()
+        try:
+            self.check()
+            if self._stops != stops:
+                raise Conflict("the robot was stopped before the action began; send it again")
+            try:
+                yield
+            finally:
+                self.end_halt()
+        finally:
+            self._no_action.set()
 
     # --- stop ---------------------------------------------------------------------------------
     def stop(self, reason: str) -> None:
@@ -99,26 +128,46 @@ class RobotStop:
         call.result()  # raises the driver's error
 
     def clear(self) -> None:
-        """Clear the stop. Raises Conflict while a stop hangs, or if another stop came meanwhile."""
+        """Clear the stop, once the action that it interrupted has ended.
+
+        Raises Conflict while a stop or that action hangs, while another thread clears the stop, or
+        if another stop came meanwhile.
+        """
+        if not self._no_action.wait(ACTION_ENDS_WITHIN_S):
+            raise Conflict(
+                f"an action still runs {ACTION_ENDS_WITHIN_S:g} s after the stop; clear the stop "
+                "again once it has ended, or see to the robot first"
+            )
+        if (call := self._stop_call) is not None:
+            futures.wait((call,), self._timeout_s)
         with self._lock:
             if self._stop_hangs():
                 raise Conflict("the driver has not come back from its stop; see to the robot first")
+            if self._clearing:
+                raise Conflict("somebody else clears the stop right now; look at the robot's state")
             stops, self._clearing = self._stops, True
         try:
             self._driver.clear_stop()  # may take long: the robot may be remote
-        finally:
-            self._clearing = False
+        except BaseException:
+            with self._lock:
+                self._clearing = False
+            raise
         with self._lock:
+            self._clearing = False
             anew = self._last_why if self._stops != stops else ""
             self.why, self.confirmed = anew, False
-            if not anew:
+            if anew:  # the driver may have cleared it too; no action can have begun
+                self._begin_stop()
+            else:
                 self._latch.keep("")
-        if anew:  # the driver may have cleared it too; no action can have begun
-            self.stop(anew)
+            call = self._stop_call
+        if anew:
+            assert call is not None
+            futures.wait((call,), self._timeout_s)
             raise Conflict(f"the robot was stopped again meanwhile ({anew}); clear that stop, too")
         self._latch.wait(self._timeout_s)
         self._health.stop_works()
-        self._on_change()
+        self.on_change()
 
     def repeat(self) -> None:
         """Call the driver's stop again if the robot has not confirmed its stop."""
@@ -128,19 +177,24 @@ class RobotStop:
                 self._begin_stop()
 
     def _begin_stop(self) -> None:
-        """Call the driver's stop in a thread. The change is reported in another one: that may be
-        slow, and a caller waits for the stop."""
-        self._stop_call = self._executor.begin("stop", self._stop_driver)
+        """Call the driver's stop in a thread; the caller holds the lock. The change is reported in
+        another thread: that may be slow, and somebody waits for the stop."""
+        self._calls += 1
+        number = self._calls
+        self._stop_call = self._executor.begin("stop", lambda: self._stop_driver(number))
         self._stop_call.add_done_callback(self._on_stop_ended)
 
     def _on_stop_ended(self, call: Future[None]) -> None:
         if call.exception() is None:
-            self._executor.start("state after a stop", self._on_change)
+            self._executor.start("state after a stop", lambda: self.on_change())
 
-    def _stop_driver(self) -> None:
+    def _stop_driver(self, number: int) -> None:
+        """Call the driver's stop. Only the last of several calls confirms the stop: a clear may
+        have undone an earlier one."""
         try:
             self._driver.stop(self.why)
-            self.confirmed = bool(self.why)
+            with self._lock:
+                self.confirmed = bool(self.why) and number == self._calls
         except Exception as error:
             if self._late:  # the caller of stop no longer waits
                 log.error("the stop failed: %s", error)
@@ -196,7 +250,7 @@ class RobotStop:
             log.warning("an earlier bridge ended a drive; that is cleared: %s", state.message)
         except HeliosError as error:
             log.error("the robot stays stopped: %s", error.message)
-        self._on_change()
+        self.on_change()
 
     def _halt_driver(self, why: str) -> None:
         try:
@@ -224,14 +278,15 @@ class RobotStop:
             log.error("the stop that ended an action is not cleared: %s", error.message)
         if not is_stopped:
             self._health.stop_works()  # the action that could not be ended is over
-        self._on_change()
+        self.on_change()
 
     def _clear_drivers_stop(self, stops: int) -> None:
         """Clear the driver's stop; stop again if there are more stops than `stops` by then. Without
         the lock, as it may take long: the robot may be remote."""
         self._driver.clear_stop()
         with self._lock:
-            if self._stops != stops and not self._stop_hangs():
+            if self._stops != stops:  # even if a call of it still runs: it may have come before
+                self.confirmed = False
                 self._begin_stop()
 
 

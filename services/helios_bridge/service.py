@@ -15,7 +15,7 @@ import time
 
 from helios_core import proto as pb
 from helios_core import tracing
-from helios_core.bus import Bus
+from helios_core.bus import Bus, arrival_s
 from helios_core.codec import (
     action_from_proto,
     description_from_proto,
@@ -42,7 +42,6 @@ from helios_core.robot import (
 )
 from helios_core.topics import (
     ACT,
-    CLEAR_STOP,
     CONTEXT,
     DETECTOR_ACK,
     GET_STATE,
@@ -54,22 +53,21 @@ from helios_core.topics import (
     ROBOT_CHECKS,
     ROBOT_DESCRIPTION,
     ROBOT_STATE,
-    STOP,
 )
 from helios_core.types import FrameId, RobotState
 
+from helios_bridge.action_limits import check_limits
 from helios_bridge.action_log import ActionLog
-from helios_bridge.bridge_health import BridgeHealth
 from helios_bridge.driver_executor import DriverExecutor
-from helios_bridge.driver_guard import DriverFault, GuardedDriver
+from helios_bridge.driver_guard import DriverFault
 from helios_bridge.frame_publisher import FramePublisher
 from helios_bridge.lease import Lease
 from helios_bridge.pushed_frames import PushDriver, PushedFrameQueue, refuse_push
 from helios_bridge.recording_player import RecordingPlayer
-from helios_bridge.robot_stop import UNCONFIRMED, RobotStop
+from helios_bridge.robot_stop import UNCONFIRMED
 from helios_bridge.settings import Settings
 from helios_bridge.setup_monitor import SetupMonitor
-from helios_bridge.stop_latch import StopLatch
+from helios_bridge.stop_service import StopService
 
 log = logging.getLogger(__name__)
 
@@ -106,31 +104,24 @@ class BridgeService:
         settings: Settings,
         health: Health,
         first_number: int | None = None,
-        executor: DriverExecutor | None = None,
+        stops: StopService | None = None,
     ) -> None:
         """first_number: start of the frame and lease numbers; default: the clock, in ms.
 
         The numbers must rise from one start of the bridge to the next while the robot stays up.
-        executor: threads that use the driver. Raises InvalidInput for an impossible robot
-        description.
+        stops: stop of this driver, if it is served already. Raises InvalidInput for an impossible
+        robot description.
         """
         first = time.time_ns() // 1_000_000 if first_number is None else first_number
         self._bus, self._settings = bus, settings
-        self._health = BridgeHealth(health)
-        self._driver = GuardedDriver(driver, self._health)
+        stops = stops or StopService(bus, driver, settings, health, DriverExecutor())
+        self._health, self._driver, self._executor = stops.health, stops.driver, stops.executor
+        self._stopping = stops.robot_stop
         self._turn = threading.Lock()  # lock on the driver
         self._busy_until_s: float | None = None  # deadline of the running action
         self._state_lock = threading.RLock()
         self._states_begun = self._state_out = 0  # number of the newest state; of the last one out
-        self._ending, self._executor = threading.Event(), executor or DriverExecutor()
-        self._stopping = RobotStop(
-            self._driver,
-            StopLatch(settings.state_dir, self._executor),
-            self._executor,
-            self._health,
-            settings.stop_timeout_s,
-            self._publish_state,
-        )
+        self._ending = threading.Event()
         self._acks, self._actions = KeyframeAcks(full_name_of), ActionLog()
         self._seldom = LogRateLimit(log)
         self._lease = Lease(settings.lease_s, first)
@@ -147,6 +138,7 @@ class BridgeService:
         self._push_queue = self._new_push_queue(driver)
         self._player = self._new_player()
         bus.publish(ROBOT_DESCRIPTION, description)
+        self._stopping.on_change = self._publish_state
         self._serve()
 
     def _serve(self) -> None:
@@ -157,8 +149,6 @@ class BridgeService:
         bus.subscribe(OBJECTMAP_ACK, self._acks.add)
         bus.serve(ACT, self.act)
         bus.serve(LEASE, self.lease)
-        bus.serve(STOP, self.stop)
-        bus.serve(CLEAR_STOP, self.clear_stop)
         bus.serve(PUSH, self.push)
         bus.serve(ROBOT_CHECKS, self.checks)
         bus.serve(GET_STATE, lambda _: state_to_proto(self.state()))
@@ -206,18 +196,9 @@ class BridgeService:
                 f"{LONGEST_ACTION_S:g} s, after which the robot is stopped"
             )
         action = action_from_proto(request.action)
-        deadline_s = time.monotonic() + request.time_remaining_s
+        check_limits(action, self._description)
+        deadline_s = arrival_s() + request.time_remaining_s
         return self._actions.once(request.action_id, lambda: self._act(request, action, deadline_s))
-
-    def stop(self, request: pb.StopRequest) -> pb.Empty:
-        """Stop the robot, as `RobotStop.stop`."""
-        self._stopping.stop(request.reason or "stop-now")
-        return pb.Empty()
-
-    def clear_stop(self, _: pb.Empty) -> pb.Empty:
-        """Clear the stop, as `RobotStop.clear`."""
-        self._stopping.clear()
-        return pb.Empty()
 
     def push(self, request: pb.PushRequest) -> pb.PushReply:
         if self._push_queue is None:
@@ -322,20 +303,22 @@ class BridgeService:
 
     # --- one action ---------------------------------------------------------------------------
     def _act(self, request: pb.ActionRequest, action: Action, deadline_s: float) -> pb.ActionResult:
-        self._check_may_drive(request)
+        stops = self._stopping.stops
+        self._lease.check(request.lease_token)
+        self._stopping.check()
         left_s = deadline_s - time.monotonic()
         if left_s <= 0 or not self._turn.acquire(timeout=left_s):
             raise DeadlineExceeded("the action's time was over before it began; send it again")
         try:
-            self._check_may_drive(request)  # the lease or the stop may have changed meanwhile
+            self._lease.check(request.lease_token)  # it may have changed meanwhile
             began = time.monotonic()
-            self._busy_until_s = deadline_s
-            try:
-                with self._heartbeats.watching(request.action_id, request.beats):
-                    done = self._robot_acts(action, request.action_id)
-            finally:
-                self._busy_until_s = None
-                self._stopping.end_halt()
+            with self._stopping.acting(stops):
+                self._busy_until_s = deadline_s
+                try:
+                    with self._heartbeats.watching(request.action_id, request.beats):
+                        done = self._robot_acts(action, request.action_id)
+                finally:
+                    self._busy_until_s = None
             self._health.count("actions")
             self._health.sample("act_ms", (time.monotonic() - began) * 1e3)
             self._publish_state()  # publish the held object before the image that shows it
@@ -393,10 +376,6 @@ class BridgeService:
         except EndOfRecording:
             pass
         return None
-
-    def _check_may_drive(self, request: pb.ActionRequest) -> None:
-        self._lease.check(request.lease_token)
-        self._stopping.check()
 
     # --- threads ------------------------------------------------------------------------------
     def _stream(self) -> None:

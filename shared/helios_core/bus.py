@@ -12,8 +12,11 @@ or goes to the log (topics); it never ends the process.
 
 from __future__ import annotations
 
+import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Protocol
 
 from helios_core.image_messages import ImageMessage
@@ -28,6 +31,26 @@ class Registration(Protocol):
     """
 
     def close(self) -> None: ...
+
+
+_arrival_s: ContextVar[float | None] = ContextVar("arrival_s", default=None)
+
+
+def arrival_s() -> float:
+    """Time at which the call that this handler serves arrived, s on `time.monotonic`. The call may
+    have waited since then for a thread that serves it. Now, if no such time is known."""
+    known = _arrival_s.get()
+    return time.monotonic() if known is None else known
+
+
+@contextmanager
+def arrived(at_s: float) -> Iterator[None]:
+    """Context in which a handler serves a call that arrived at `at_s`."""
+    token = _arrival_s.set(at_s)
+    try:
+        yield
+    finally:
+        _arrival_s.reset(token)
 
 
 # (service, instance, True if alive)

@@ -144,7 +144,7 @@ class RobotDriver(ABC):
         """Allow actions again; an earlier cause must not restore the stop.
 
         Raises Conflict, which names the remaining cause, if the robot must stay stopped. Called
-        from any thread.
+        from any thread, while no action runs.
         """
 
     def close(self) -> None:

@@ -24,7 +24,7 @@ from google.protobuf.message import DecodeError, Message
 from zenoh import ext
 
 from helios_core import tracing
-from helios_core.bus import Bus, LivelinessHandler, Registration
+from helios_core.bus import Bus, LivelinessHandler, Registration, arrived
 from helios_core.bus_registrations import Registrations
 from helios_core.errors import DeadlineExceeded, Unavailable
 from helios_core.image_messages import ImageMessage, split
@@ -150,9 +150,10 @@ class ZenohBus(Bus):
         def refuse(_: Req) -> Rep:
             raise Unavailable(f"{MOST_WAITING} calls of {method.name} already wait; try again")
 
-        def serve_waiting(query: zenoh.Query) -> None:
+        def serve_waiting(query: zenoh.Query, at_s: float) -> None:
             places.release()
-            reply(query, handler)
+            with arrived(at_s):
+                reply(query, handler)
 
         def reply(query: zenoh.Query, do: Callable[[Req], Rep]) -> None:
             try:
@@ -168,7 +169,7 @@ class ZenohBus(Bus):
                     reply(query, refuse)
                     continue
                 try:
-                    pool.submit(serve_waiting, query)
+                    pool.submit(serve_waiting, query, time.monotonic())
                 except RuntimeError:  # the pool is shut down: the caller gets no reply
                     query.drop()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import logging
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import zenoh
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from helios_core import proto as pb
 from helios_core import zenoh_messages
+from helios_core.bus import arrival_s
 from helios_core.errors import Internal, InvalidInput, Unavailable, error_from_proto
 from helios_core.topics import CONTEXT, FRAME, GET_TASK, KEYFRAME, STOP
 from helios_core.zenoh_bus import SERVE_THREADS, ZenohBus
@@ -113,15 +115,17 @@ def test_replies_that_cannot_be_sent_are_reported_once(
     assert reported == ["a reply of planner/get could not be sent: no way out"]
 
 
-def test_a_call_is_refused_at_once_while_too_many_others_wait_and_those_are_answered(
+def test_calls_that_wait_for_a_thread_are_limited_answered_and_know_when_they_arrived(
     zenoh_bus: ZenohBus, session: zenoh.Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("helios_core.zenoh_bus.MOST_WAITING", 2)
     running: list[str] = []
+    arrivals_s: dict[str, float] = {}
     go_on = threading.Event()
 
     def hang(request: pb.TaskRequest) -> pb.Task:
         running.append(request.id)
+        arrivals_s[request.id] = arrival_s()
         go_on.wait(30)
         return pb.Task(id=request.id)
 
@@ -141,10 +145,13 @@ def test_a_call_is_refused_at_once_while_too_many_others_wait_and_those_are_answ
         assert isinstance(error, Unavailable)
         assert error.message == "2 calls of planner/get already wait; try again"
     finally:
+        served_s = time.monotonic()
         go_on.set()
     answers = [pb.Task.FromString(only.ok.payload.to_bytes()).id for (only,) in taken]
     assert answers == [*map(str, range(SERVE_THREADS)), "waits", "waits, too"]
+    assert max(arrivals_s["waits"], arrivals_s["waits, too"]) < served_s
     assert zenoh_bus.call(GET_TASK, pb.TaskRequest(id="later"), 20).id == "later"
+    assert arrivals_s["later"] > served_s
 
 
 def test_a_retained_topic_also_receives_messages_of_an_ordinary_publisher(

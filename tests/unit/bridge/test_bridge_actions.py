@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from helios_core import proto as pb
+from helios_core.bus import arrived
 from helios_core.codec import frame_from_proto
 from helios_core.errors import DeadlineExceeded, InvalidInput, Unavailable
 from helios_core.geometry import se2_to_se3
@@ -216,3 +219,29 @@ def test_the_state_names_the_last_executed_action() -> None:
     stage.drive("b")
     stage.drive("a")  # a repeated id: not executed again
     assert stage.bridge.state().last_action_id == "b"
+
+
+@pytest.mark.parametrize(
+    ("action", "said"),
+    [
+        (pb.Action(forward=pb.Action.Forward(distance_m=1.01)), "takes at most 1 (max_forward_m)"),
+        (pb.Action(forward=pb.Action.Forward(distance_m=1e6)), "forward.distance_m is 1e+06"),
+        (pb.Action(forward=pb.Action.Forward(distance_m=-0.1)), "back by at most 0 m (max_back_m)"),
+        (pb.Action(turn=pb.Action.Turn(angle_rad=0.6)), "turns by at most 0.5236 (max_turn_rad"),
+        (pb.Action(turn=pb.Action.Turn(angle_rad=-50.0)), "turn.angle_rad is -50"),
+    ],
+)
+def test_an_action_beyond_the_limits_of_the_robot_does_not_reach_its_driver(
+    action: pb.Action, said: str
+) -> None:
+    stage = Stage()
+    with pytest.raises(InvalidInput, match=re.escape(said)):
+        stage.drive("a", action=action)
+    assert not stage.robot.done
+
+
+def test_the_time_that_a_call_has_waited_to_be_served_counts() -> None:
+    stage = Stage()
+    with arrived(time.monotonic() - 2.0), pytest.raises(DeadlineExceeded, match="was over"):
+        stage.drive("a", left_s=1.0)
+    assert not stage.robot.done

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from helios_bridge import __main__ as bridge_main
@@ -18,7 +19,7 @@ from helios_core.errors import (
 )
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.topics import GET_STATE
+from helios_core.topics import CLEAR_STOP, GET_STATE, STOP
 from helios_core.types import RobotDescription
 
 from tests.support import wait_until
@@ -30,6 +31,13 @@ class Awkward(LineRobot):
 
     wrong: Exception | None = None
     asked = closed = 0
+    why = ""  # reason of its stop
+
+    def stop(self, reason: str) -> None:
+        Awkward.why = reason
+
+    def clear_stop(self) -> None:
+        Awkward.why = ""
 
     def describe(self) -> RobotDescription:
         Awkward.asked += 1
@@ -44,19 +52,21 @@ class Awkward(LineRobot):
 class Rig:
     """Host of a bridge with the awkward robot, and a client."""
 
-    def __init__(self) -> None:
+    def __init__(self, state_dir: Path) -> None:
         hub = MemoryHub()
         self.bus, self.health = MemoryBus(hub), Health()
-        settings = Settings(driver=f"{__name__}:Awkward", stream_hz=0.0)
+        settings = Settings(driver=f"{__name__}:Awkward", stream_hz=0.0, state_dir=state_dir)
         self.host = bridge_main.RobotHost(MemoryBus(hub), self.health, settings, DriverExecutor())
 
 
 @pytest.fixture
-def rig(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
+def rig(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> Iterator[Rig]:
     monkeypatch.setattr(bridge_main, "FIRST_PAUSE_S", 0.01)
     monkeypatch.setattr(bridge_main, "LONGEST_PAUSE_S", 0.08)
-    Awkward.wrong, Awkward.asked, Awkward.closed = request.param, 0, 0
-    rig = Rig()
+    Awkward.wrong, Awkward.asked, Awkward.closed, Awkward.why = request.param, 0, 0, ""
+    rig = Rig(tmp_path)
     yield rig
     rig.host.close()
 
@@ -85,6 +95,35 @@ def test_a_robot_that_recovers_from_an_error_of_its_description_becomes_ready(
     Awkward.wrong = None
     wait_until(lambda: rig.health.state[0] == "ready", 60, "the bridge is ready")
     assert not rig.bus.call(GET_STATE, pb.Empty(), 5).stopped
+
+
+SILENT = pytest.mark.parametrize("rig", [Unavailable("no image")], indirect=True)
+
+
+@SILENT
+def test_a_robot_without_a_description_is_stopped_and_cleared(rig: Rig) -> None:
+    rig.bus.call(STOP, pb.StopRequest(reason="a child"), 5)
+    assert Awkward.why == "a child"
+    rig.bus.call(CLEAR_STOP, pb.Empty(), 5)
+    assert not Awkward.why
+
+
+@SILENT
+def test_a_stop_before_the_description_still_holds_after_it(rig: Rig) -> None:
+    rig.bus.call(STOP, pb.StopRequest(reason="a child"), 5)
+    Awkward.wrong = None
+    wait_until(lambda: rig.health.state[0] == "ready", 60, "the bridge is ready")
+    assert rig.bus.call(GET_STATE, pb.Empty(), 5).message == "a child"
+
+
+@SILENT
+def test_a_kept_stop_reaches_a_robot_without_a_description(rig: Rig, tmp_path: Path) -> None:
+    rig.bus.call(STOP, pb.StopRequest(reason="a child"), 5)
+    rig.host.close()
+    Awkward.why = ""
+    following = Rig(tmp_path).host
+    wait_until(lambda: Awkward.why == "a child", 60, "the next bridge stops the robot")
+    following.close()
 
 
 @pytest.mark.parametrize("rig", [InvalidInput("height_m nan")], indirect=True)
