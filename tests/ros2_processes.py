@@ -50,6 +50,7 @@ def ros_environment(domain: int, settings: Mapping[str, str] | None = None) -> d
     return {
         "ROS_DOMAIN_ID": str(domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_PYTHON_CHECK_FIELDS": "1",  # a field of a wrong type is an error, as in older ROS 2
         "PYTHONPATH": os.pathsep.join(map(str, PACKAGES)),
         "HELIOS_ROS2_PYTHON": str(PYTHON),
         **(settings or {}),

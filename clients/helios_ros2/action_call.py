@@ -9,6 +9,7 @@ from typing import Any
 
 from helios_core.errors import InvalidInput
 
+from helios_ros2.earlier_goals import EarlierGoals
 from helios_ros2.rclpy_loading import interface, rclpy_module
 from helios_ros2.ros_node import RosNode
 from helios_ros2.stop_latch import NotDone, StopLatch
@@ -27,6 +28,7 @@ class RosAction:
         self.name, self._kind = name, kind
         self._type = interface(kind)
         self._client = rclpy_module("action").ActionClient(ros.node, self._type, name)
+        self.earlier = EarlierGoals(ros, name)
         self._sent: Any = None  # future of a goal that is not accepted yet
         self._goal: Any = None  # handle of the running goal
 
@@ -41,14 +43,17 @@ class RosAction:
         return goal
 
     def run(self, goal: Any, latch: StopLatch, within_s: float) -> Any:
-        """Send a goal and wait for its result. Raises NotDone if it fails or the robot stops."""
+        """Send a goal and wait for its result. Raises NotDone if it fails or the robot stops.
+
+        Whatever ends the wait cancels the goal.
+        """
         end_s = time.monotonic() + within_s
         if not self.is_there():
             raise NotDone(f"nobody serves the action {self.name} ({self._kind}); start it")
         self._sent = sent = self._client.send_goal_async(goal)
         try:
             handle = self._wait(sent, latch, end_s)
-        except NotDone:  # `_sent` stays: it may be accepted yet
+        except BaseException:  # `_sent` stays: it may be accepted yet
             sent.add_done_callback(lambda _: _cancel_if_accepted(sent, threading.Event()))
             raise
         if handle.accepted:
@@ -58,11 +63,11 @@ class RosAction:
             raise NotDone(f"the action {self.name} refused the goal")
         try:
             answer = self._wait(handle.get_result_async(), latch, end_s)
-        except NotDone:
-            self.cancel(time.monotonic() + CANCEL_WITHIN_S)
-            raise
-        finally:
+        except BaseException:
+            self.cancel(time.monotonic() + CANCEL_WITHIN_S)  # if it raises, a stop can do it yet
             self._goal = None
+            raise
+        self._goal = None
         if answer.status != SUCCEEDED:
             how = STATUS.get(answer.status, f"its status is {answer.status}")
             raise NotDone(f"the action {self.name} failed: {how}{_said(answer.result)}")
@@ -95,7 +100,7 @@ def _cancel_if_accepted(sent: Any, answered: threading.Event) -> None:
 
     answered: set once it is cancelled or refused.
     """
-    handle = sent.result()
+    handle = None if sent.exception() else sent.result()
     if handle is not None and handle.accepted:
         handle.cancel_goal_async().add_done_callback(lambda _: answered.set())
     else:

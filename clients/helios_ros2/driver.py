@@ -34,6 +34,7 @@ from helios_replay.ros_images import Lens
 
 from helios_ros2.camera_tilt import CameraTilt
 from helios_ros2.captures import capture_of
+from helios_ros2.earlier_goals import end_earlier
 from helios_ros2.manipulation import Manipulation
 from helios_ros2.nav2_motion import Nav2Motion
 from helios_ros2.robot_input import BasePose, RobotInput
@@ -49,6 +50,7 @@ REMEMBERED = 256
 CONNECT_WITHIN_S = 3.0
 REST_WITHIN_S = 3.0
 CANCEL_WITHIN_S = 0.5  # wait for cancelled goals at the end; the bridge allows 1.2 s for all
+EARLIER_WITHIN_S = 2.0  # wait for the end of the goals of an earlier bridge
 NODE = "helios_bridge"
 
 
@@ -71,6 +73,7 @@ class Ros2Driver(RobotDriver):
         self._results: OrderedDict[str, ActionResult] = OrderedDict()
         self._steps = 0
         self._moves_by = ""
+        self._rested_after = 0  # actions after the end of whose earlier goals the base came to rest
         self._connecting = threading.Lock()
         self._lens: Lens | None = None
         self._description: RobotDescription | None = None
@@ -78,10 +81,15 @@ class Ros2Driver(RobotDriver):
 
     # --- description and state ----------------------------------------------------------------
     def describe(self) -> RobotDescription:
-        """The robot's description; waits for its camera and poses. Raises Unavailable."""
+        """The robot's description; waits for its camera and poses, and for a while until the goals
+        of an earlier bridge have ended and the base rests. Raises Unavailable."""
         with self._connecting:
             if self._description is None:
                 lens = self._senses.connect(CONNECT_WITHIN_S)
+                try:
+                    self._end_earlier_goals(time.sleep)
+                except NotDone as error:  # each motion waits for it again
+                    log.warning("the robot may move: %s", error)
                 self._description = self._describe(lens)
                 self._lens = lens
             return self._description
@@ -186,10 +194,26 @@ class Ros2Driver(RobotDriver):
         """Do an action. Returns why the robot did not do it, "" if it did."""
         try:
             self._latch.begin()
+            if not isinstance(action, Observe):
+                self._end_earlier_goals(self._latch.rest)
             self._do(action)
         except NotDone as error:
             return str(error)
         return ""
+
+    def _end_earlier_goals(self, rest: Callable[[float], object]) -> None:
+        """Wait until no goal of an earlier bridge runs, and after that for the base's rest.
+
+        rest: waits the given seconds. Raises NotDone, Unavailable.
+        """
+        goals = self._manipulation.earlier_goals()
+        if self._nav2 is not None:
+            goals += self._nav2.earlier_goals()
+        end_earlier(goals, EARLIER_WITHIN_S, rest)
+        ended = sum(each.ended for each in goals)
+        if ended > self._rested_after:
+            self._come_to_rest()
+            self._rested_after = ended
 
     def _do(self, action: Action) -> None:
         if isinstance(action, Forward | Turn):

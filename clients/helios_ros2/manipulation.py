@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 from helios_ros2.action_call import RosAction, filled
+from helios_ros2.earlier_goals import EarlierGoals
 from helios_ros2.offered_qos import Qos
 from helios_ros2.rclpy_loading import interface
 from helios_ros2.robot_input import RobotInput
@@ -97,6 +98,10 @@ class Manipulation:
         """Calls, from any thread, of which one ends the running action. Each waits for the answer
         until a monotonic time."""
         return [partial(action.cancel, until_s) for action in self._actions.values()]
+
+    def earlier_goals(self) -> list[EarlierGoals]:
+        """The goals of each action from before this process."""
+        return [action.earlier for action in self._actions.values()]
 
     def _do(
         self, what: str, given: UserAction | None, point_m: Point, name: str, words: str

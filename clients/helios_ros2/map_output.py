@@ -6,6 +6,7 @@ grid without cells, so that grid has one unknown cell.
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Callable
 from typing import Any
@@ -18,6 +19,7 @@ from helios_core.viewing.newest_map import blank_map, is_empty, newest_snapshot
 from helios_ros2 import map_arrays, ros_messages
 
 GRID, PATH, IMAGE = "nav_msgs/msg/OccupancyGrid", "nav_msgs/msg/Path", "sensor_msgs/msg/Image"
+HASH_DIGITS = 8  # of a layer's topic whose name is not the layer's
 EMPTY_REPLIES = 2  # in a row; a restarted map2d has no map until it has read its file
 
 
@@ -103,6 +105,10 @@ class MapOutput:
 
 
 def topic_name(text: str) -> str:
-    """Part of a ROS topic's name for any text."""
+    """Part of a ROS topic's name for any text; a text that is no such name gets a hash at its end,
+    since others may have the same letters and digits."""
     out = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_") or "layer"
-    return out if out[0].isalpha() else f"_{out}"
+    out = out if out[0].isalpha() else f"_{out}"
+    if out == text:
+        return out
+    return f"{out}_{hashlib.sha256(text.encode(errors='surrogatepass')).hexdigest()[:HASH_DIGITS]}"

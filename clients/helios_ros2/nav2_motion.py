@@ -11,6 +11,7 @@ from typing import Any
 from helios_core.errors import InvalidInput
 
 from helios_ros2.action_call import RosAction
+from helios_ros2.earlier_goals import EarlierGoals
 from helios_ros2.ros_node import RosNode
 from helios_ros2.settings import Ros2Settings
 from helios_ros2.stop_latch import StopLatch
@@ -63,6 +64,10 @@ class Nav2Motion:
         """Calls, from any thread, of which one cancels the running behaviour. Each waits for the
         answer until a monotonic time."""
         return [partial(action.cancel, until_s) for action in self._actions.values()]
+
+    def earlier_goals(self) -> list[EarlierGoals]:
+        """The goals of each behaviour from before this process."""
+        return [action.earlier for action in self._actions.values()]
 
     def forward(self, distance_m: float) -> None:
         """Drive straight ahead; back if negative. Raises NotDone."""

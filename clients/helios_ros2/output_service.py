@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from typing import Any, TypeVar
 
 import numpy as np
@@ -40,6 +41,7 @@ from helios_ros2.task_interface import TaskInterface
 log = logging.getLogger(__name__)
 
 CALL_S = 3.0
+END_WITHIN_S = 0.5  # wait for the thread of the maps; a process has 2 s for its whole end
 DEFAULT_RADIUS_M = 0.25  # of the costmap before the robot's description is known
 DETECTIONS = "vision_msgs/msg/Detection3DArray"
 THREADS = 3
@@ -60,7 +62,8 @@ class OutputService:
                 "odom: name another frame, or set HELIOS_ROS2_PUBLISH_TF=none"
             )
         self._radius_m = DEFAULT_RADIUS_M
-        self._statuses: dict[str, pb.ServiceStatus] = {}
+        # service -> its newest status, and when that came, by a monotonic clock
+        self._statuses: dict[str, tuple[pb.ServiceStatus, float]] = {}
         self._object_version = 0
         self._ending = threading.Event()
         self._ros = RosNode(settings.node, THREADS, settings.sim_time)
@@ -77,7 +80,7 @@ class OutputService:
 
     def close(self) -> None:
         self._ending.set()
-        self._thread.join(CALL_S)
+        self._thread.join(END_WITHIN_S)  # it may wait for an answer; it publishes nothing any more
         self._tasks.close()
         self._ros.close()
 
@@ -130,7 +133,7 @@ class OutputService:
             self._publish_transform("base_link", transform_from_proto(state.T_world_base))
 
     def _on_status(self, status: pb.ServiceStatus) -> None:
-        self._statuses[status.service] = status
+        self._statuses[status.service] = status, time.monotonic()
 
     def _publish_odom(self) -> None:
         if self._s.publish_tf == "odom" and self._frame != "odom":
@@ -158,8 +161,9 @@ class OutputService:
                 log.exception("a map was left out")
 
     def _publish_diagnostics(self) -> None:
-        statuses = list(self._statuses.values())
-        self._send(self._diagnostics, ros_messages.diagnostics(statuses, self._ros.now_ns()))
+        now_s = time.monotonic()
+        ages = [(status, now_s - came_s) for status, came_s in list(self._statuses.values())]
+        self._send(self._diagnostics, ros_messages.diagnostics(ages, self._ros.now_ns()))
 
     def _publish_objects(self) -> None:
         reply = self._ask(OBJECTS, pb.ObjectsRequest())

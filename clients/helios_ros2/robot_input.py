@@ -13,6 +13,7 @@ from typing import Any
 
 from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.geometry import Matrix, wrap_angle, yaw_of
+from helios_core.log_rate_limit import LogRateLimit
 from helios_replay.ros_images import Lens, stamp_ns
 
 from helios_ros2.image_pairs import ImagePair, ImagePairs
@@ -78,6 +79,7 @@ class RobotInput:
         self._connected = False
         self._sought_tf_s = 0.0  # when poses by TF were first sought, by a monotonic clock
         self._told_of_map = False
+        self._seldom = LogRateLimit(log)
         self._pose_frame = "odom"
         self.battery: float | None = None  # charge, 0 to 1; None: not known
         self.world_epoch = 0
@@ -177,8 +179,13 @@ class RobotInput:
         with self._news:
             back: set[str] = set()  # frames whose stamps went back
             for t in message.transforms:
-                pose = pose_of(t.transform.translation, t.transform.rotation)
                 child, ns = t.child_frame_id.lstrip("/"), stamp_ns(t.header)
+                try:
+                    pose = pose_of(t.transform.translation, t.transform.rotation)
+                except InvalidInput as error:  # the others of the message may be sound
+                    said = f"{child} in {t.header.frame_id}: {error.message}"
+                    self._seldom.warn(child, f"a transform of TF was left out, that of {said}")
+                    continue
                 if not self._tf.add(t.header.frame_id, child, ns, pose, is_static):
                     back.add(child)
             if isinstance(self._poses, TfPoses):
@@ -202,12 +209,19 @@ class RobotInput:
             )
 
     def _on_joints(self, message: Any) -> None:
-        s = self._s
-        if s.tilt_joint in message.name:
-            angle_rad = float(message.position[list(message.name).index(s.tilt_joint)])
-            with self._news:
-                self._tilt_rad = s.tilt_sign * angle_rad + s.tilt_offset_rad
-                self._news.notify_all()
+        s, names, angles_rad = self._s, list(message.name), message.position
+        if s.tilt_joint not in names:
+            return
+        index = names.index(s.tilt_joint)
+        angle_rad = float(angles_rad[index]) if index < len(angles_rad) else math.nan
+        if not math.isfinite(angle_rad):
+            raise InvalidInput(
+                f"the joint {s.tilt_joint} has no angle: {len(names)} names with the positions "
+                f"{list(angles_rad)[:8]}; wanted a finite position for each name, in rad"
+            )
+        with self._news:
+            self._tilt_rad = s.tilt_sign * angle_rad + s.tilt_offset_rad
+            self._news.notify_all()
 
     def _on_battery(self, message: Any) -> None:
         charge = float(message.percentage)  # NaN if the robot does not measure it

@@ -18,7 +18,8 @@ from helios_ros2.rclpy_loading import interface
 
 LETTER_M = 0.12
 LEVELS = {"ready": 0, "starting": 1, "waiting": 1, "stopping": 1}  # of DiagnosticStatus; else error
-ERROR = 2
+ERROR, STALE = 2, 3
+SILENT_AFTER_S = 5.0  # a service reports each second; the gateway has the same limit
 
 
 def stamp(header: Any, stamp_ns: int, frame: str) -> None:
@@ -123,10 +124,12 @@ def _place(pose: Any, box: UprightBox) -> None:
 
 
 def _color_of(name: str) -> tuple[float, float, float]:
-    """One colour per class, the same at every start."""
+    """One colour per class, the same at every start. Floats: rclpy sends an int as 0."""
     hue = sum((i + 1) * b for i, b in enumerate(name.encode())) % 360 / 60
     x = 1 - abs(hue % 2 - 1)
-    return ((1, x, 0), (x, 1, 0), (0, 1, x), (0, x, 1), (x, 0, 1), (1, 0, x))[int(hue)]
+    return (
+        (1.0, x, 0.0), (x, 1.0, 0.0), (0.0, 1.0, x), (0.0, x, 1.0), (x, 0.0, 1.0), (1.0, 0.0, x),
+    )[int(hue)]  # fmt: skip
 
 
 def detections(objects: Sequence[pb.ObjectInstance], ns: int, frame: str) -> Any:
@@ -149,17 +152,21 @@ def detections(objects: Sequence[pb.ObjectInstance], ns: int, frame: str) -> Any
     return out
 
 
-def diagnostics(statuses: Iterable[pb.ServiceStatus], ns: int) -> Any:
-    """DiagnosticArray with one status per service."""
+def diagnostics(statuses: Iterable[tuple[pb.ServiceStatus, float]], ns: int) -> Any:
+    """DiagnosticArray with one status per service, from its newest status and the age of that in s.
+    A service that is silent for longer than `SILENT_AFTER_S` is STALE."""
     out = interface("diagnostic_msgs/msg/DiagnosticArray")()
     stamp(out.header, ns, "")
     kind = interface("diagnostic_msgs/msg/DiagnosticStatus")
     pair = interface("diagnostic_msgs/msg/KeyValue")
-    for s in statuses:
+    for s, age_s in statuses:
+        level, message = LEVELS.get(s.state, ERROR), s.reason or s.state
+        if age_s > SILENT_AFTER_S:
+            level, message = STALE, f"silent for {age_s:.0f} s; it said last: {message}"
         one = kind(
-            level=bytes([LEVELS.get(s.state, ERROR)]),
+            level=bytes([level]),
             name=f"helios: {s.service}",
-            message=s.reason or s.state,
+            message=message,
             hardware_id="helios",
         )
         values = {"state": s.state, "pid": str(s.pid), "uptime_s": f"{s.uptime_s:.0f}"}

@@ -279,9 +279,10 @@ def submit_request(text: str) -> pb.SubmitRequest:
             raise ValueError(f"settings is {settings!r:.80}, wanted names with values")
         own = {name: str(value) for name, value in settings.items()}
         return pb.SubmitRequest(**fields, settings=own)
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, RecursionError) as error:
+        why = "its JSON has too many levels" if isinstance(error, RecursionError) else error
         raise InvalidInput(
-            f"this is no task: {error}; send an instruction, or JSON with instruction, max_steps, "
+            f"this is no task: {why}; send an instruction, or JSON with instruction, max_steps, "
             "agent, time_limit_s, priority, settings"
         ) from error
 

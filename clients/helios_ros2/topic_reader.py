@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from helios_core.errors import HeliosError, Unavailable
+from helios_core.log_rate_limit import LogRateLimit
 from helios_replay.ros_images import stamp_ns
 
 from helios_ros2.offered_qos import Qos, matching
@@ -46,6 +47,7 @@ class TopicReader:
         self._stamp_ns: int | None = None
         self._trouble = "not looked for yet"
         self._refused = ""  # what is wrong with the newest message
+        self._seldom = LogRateLimit(log)
         ros.every(LOOK_S, self.look)
 
     @property
@@ -118,15 +120,20 @@ class TopicReader:
 
     def _on_message(self, message: Any) -> None:
         self._arrived_s, self._count = time.monotonic(), self._count + 1
-        self._stamp_ns = newest_stamp_ns(message)
-        refused = ""
         try:
+            self._stamp_ns = newest_stamp_ns(message)
             self._handler(message)
+            self._refused = ""
         except HeliosError as error:  # a message with impossible content
-            refused = error.message
-            if refused != self._refused:  # once: the next ones may be alike
-                log.warning("a message of %s was left out: %s", self.described(), refused)
-        self._refused = refused
+            self._refuse(error.message)
+        except Exception as error:  # an internal error; the next message may be valid
+            self._refuse(f"it could not be read ({type(error).__name__}: {error})", error)
+
+    def _refuse(self, why: str, error: Exception | None = None) -> None:
+        """Note that the newest message was left out; error: shown with its traceback."""
+        self._refused = why
+        said = f"a message of {self.described()} was left out: {why}"
+        self._seldom.warn(type(error), said, error)
 
 
 def newest_stamp_ns(message: Any) -> int | None:

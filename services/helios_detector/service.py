@@ -160,10 +160,12 @@ class DetectorService:
             return False
         lost = {plain(name) for name in refused}  # `refused` names one spelling of each class
         findable = tuple(c for c in context.classes if plain(c.name) not in lost)
+        prompts = {n: p for n, p in context.class_prompts.items() if plain(n) not in lost}
         with self._lock:
             if self._asked is not context:  # a newer one arrived, or this one is already active
                 return True
-            self._context, self._refused = replace(context, classes=findable), refused
+            self._context = replace(context, classes=findable, class_prompts=prompts)
+            self._refused = refused
             self._asked, self._troubles["context"] = None, ""
             self._troubles["found"] = ""  # it belonged to the previous search
             held, self._held = self._held, None

@@ -6,7 +6,7 @@ import uuid
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 
-from helios_core.errors import Conflict
+from helios_core.errors import Conflict, InvalidInput
 from helios_core.geometry import yaw_of
 from helios_core.types import Frame, FrameId, Observation, SearchContext
 
@@ -51,6 +51,7 @@ class EpochMap:
         self.memory = ViewMemory(rules.most_views)
         self.order = FrameOrder()
         self.context_id = ""
+        self._prompts: frozenset[str] | None = None  # of the search; None: a map from a file
         self.frame_id: FrameId | None = None
         self.stamp_ns = 0
         self.robot_pose: tuple[float, float, float] | None = None  # from the newest frame
@@ -103,9 +104,11 @@ class EpochMap:
 
         Also stores the view, if it has an image embedding or a located detection. Returns False if
         the map already contains this observation. Raises Conflict if it belongs to another search
-        context, and InvalidInput as `integrate_frame` does or for a score that is not finite.
+        context, and InvalidInput as `integrate_frame` does, for a score that is not finite, or for
+        a layer that the search does not have.
         """
         self.check_search(observation)
+        self._check_layers(observation)
         frame = observation.frame
         key = (observation.context_id, frame.id)
         if key in self._observations_seen:
@@ -122,6 +125,17 @@ class EpochMap:
         self._observations_seen.append(key)
         self.published = self.publish(ground_changed=False)
         return True
+
+    def _check_layers(self, observation: Observation) -> None:
+        """Raise InvalidInput for a layer that is none of the search: each takes a whole grid."""
+        if self._prompts is None:
+            return
+        known = self.stack.values.layers.keys() | self._prompts
+        if others := sorted(set(observation.layer_scores) - known):
+            raise InvalidInput(
+                f"the observation has scores of {len(others)} layers that this search does not "
+                f"have, such as {others[0][:40]!r}; send those of the context's prompts"
+            )
 
     def set_layer(self, name: str, scored: Sequence[tuple[Cone, float]]) -> None:
         """Rebuild a value layer from views and their scores, in the given order.
@@ -147,6 +161,7 @@ class EpochMap:
 
         Returns False if this context is already the current one.
         """
+        self._prompts = frozenset(context.prompts)
         if context.id == self.context_id:
             return False
         self.context_id = context.id

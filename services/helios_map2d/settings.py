@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Self
 
 from helios_core.settings import ServiceSettings, service_config
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from helios_map2d.layers.frontiers import FrontierRules
-from helios_map2d.layers.occupancy import OccupancyRules
+from helios_map2d.layers.occupancy import FLOOR_TOLERANCE_M, OccupancyRules
 from helios_map2d.layers.parameters import MapRules
 from helios_map2d.layers.value_layers import ValueRules
 
@@ -28,7 +29,15 @@ class Settings(ServiceSettings):
     cell_m: float = Field(0.025, gt=0.002, le=1.0, description="edge of a cell")
     size_cells: int = Field(2000, ge=64, le=16000, description="cells along each side of a new map")
     most_cells: int = Field(
-        16000, ge=64, le=100_000, description="cells along each side to which a map may grow"
+        16000,
+        ge=64,
+        le=100_000,
+        description="about how many cells along each side a map may grow to",
+    )
+    most_leap_m: float = Field(
+        50.0,
+        gt=0,
+        description="a frame is refused if the robot is farther from where it was at the last one",
     )
     min_depth_m: float = Field(0.10, ge=0, description="nearer depth is ignored")
     max_depth_m: float = Field(
@@ -40,7 +49,9 @@ class Settings(ServiceSettings):
         description="density of depth pixels, as rays per cell at the largest depth; 0: all pixels",
     )
     band_lo_m: float = Field(
-        0.10, gt=0, description="lower edge of the obstacle band: height above the floor"
+        0.10,
+        gt=FLOOR_TOLERANCE_M,
+        description="lower edge of the obstacle band: height above the floor",
     )
     band_hi_m: float = Field(
         1.50, gt=0, description="upper edge of the obstacle band: height above the floor"
@@ -63,10 +74,32 @@ class Settings(ServiceSettings):
     state_dir: Path | None = Field(
         default=None, description="folder in which the map survives a crash; none: it does not"
     )
-    keep_period_s: float = Field(3.0, gt=0, description="time between two saves of a changed map")
+    keep_period_s: float = Field(
+        3.0, gt=0, le=86400, description="time between two saves of a changed map"
+    )
     integrate_stream: bool = Field(
         False, description="integrate stream frames into the occupancy map too, not only keyframes"
     )
+
+    @model_validator(mode="after")
+    def _can_map(self) -> Self:
+        """Refuse settings under which nothing would be mapped."""
+        if not self.max_depth_m > self.min_depth_m:
+            raise ValueError(
+                f"max_depth_m is {self.max_depth_m:g} and min_depth_m is {self.min_depth_m:g}, so "
+                "all depth would be ignored; give a max_depth_m above min_depth_m"
+            )
+        if self.size_cells > self.most_cells:
+            raise ValueError(
+                f"size_cells is {self.size_cells} and most_cells is {self.most_cells}; give a "
+                "most_cells of at least size_cells"
+            )
+        if not self.band_hi_m > self.band_lo_m:
+            raise ValueError(
+                f"the obstacle band from {self.band_lo_m:g} to {self.band_hi_m:g} m is empty; give "
+                "a band_hi_m above band_lo_m"
+            )
+        return self
 
     def rules(self, robot_max_depth_m: float, robot_radius_m: float) -> MapRules:
         """The rules of the maps for a robot."""
@@ -78,6 +111,7 @@ class Settings(ServiceSettings):
             cell_m=self.cell_m,
             size_cells=self.size_cells,
             most_cells=self.most_cells,
+            most_leap_m=self.most_leap_m,
             min_depth_m=self.min_depth_m,
             max_depth_m=min(self.max_depth_m, robot_max_depth_m),
             occupancy=OccupancyRules(band_lo_m=self.band_lo_m, band_hi_m=self.band_hi_m),

@@ -38,7 +38,8 @@ class EpochMaps:
                 self._starts.check(id)
             self.from_disk = False
         elif world == self.robot_world or (new_start and self._parked.is_over(world)):
-            self._go_to(world, self._parked.take_back(world) or ObjectMap(self._settings))
+            parked = self._parked.take_back(world)
+            self._go_to(world, ObjectMap(self._settings) if parked is None else parked)
         else:
             self._check_not_over(id, world)
             self._go_to(world, ObjectMap(self._settings))
@@ -82,7 +83,7 @@ class EpochMaps:
         """Delete the current map and the parked ones; the worlds and starts stay known."""
         self.current.reset()
         self._parked.clear()
-        self.from_disk = False
+        self.from_disk, self.newest = False, None
 
     def _check_not_over(self, id: FrameId, world: WorldId) -> None:
         same_start = self.world is not None and id.robot_boot_id == self._starts.present

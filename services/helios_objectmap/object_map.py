@@ -358,8 +358,6 @@ class ObjectMap:
         are kept to the nearest viewing sector. The views of the other map may count again.
         """
         store, there = self._store, content.store
-        if not len(there):
-            return 0
         labels = there.instance.copy()
         rows = placed.append_stored(store, there, T_here_there, self._updates, self._sectors)
         self._added_updates.append(self._updates)

@@ -45,7 +45,7 @@ from helios_core.topics import (
     STORED_OBJECTS,
     WHAT_IF,
 )
-from helios_core.types import ObjectInstance, Observation, SearchContext, WorldId
+from helios_core.types import FrameId, ObjectInstance, Observation, SearchContext, WorldId
 
 from helios_objectmap import export, persistence
 from helios_objectmap.camera import View
@@ -71,6 +71,7 @@ log = logging.getLogger(__name__)
 
 MOST_WAITING = 4  # observations that wait for their search context
 MOST_POSES = 256
+REMEMBERED = 4096  # observations, so that none is fused twice
 CLOSE_WITHIN_S = 1.0  # longest wait at `close` for a query that compiles kernels
 FILE_NAME = "objects.npz"
 _FORMATS = {"ply": export.ply, "npz": export.npz}
@@ -105,6 +106,7 @@ class ObjectMapService:
         self._context: SearchContext | None = None
         self._over: deque[str] = deque(maxlen=256)  # ids of contexts that a later one replaced
         self._waiting: deque[tuple[pb.Observation, Observation]] = deque()
+        self._fused: deque[tuple[str, FrameId]] = deque(maxlen=REMEMBERED)  # context and frame
         self._held = ""
         self._version = 0
         self._published: _Published | None = None
@@ -480,8 +482,12 @@ class ObjectMapService:
                 f"one is {context.id if context else None!r}: observe again"
             )
         present = self._maps.map_for(observation.frame)
+        key = (observation.context_id, observation.frame.id)
+        if key in self._fused:  # it was sent twice
+            return UpdateReport(created=0, carved=0, in_view=0, fused=0, total=len(present))
         held = observation.frame.held
         report = present.update(observation, context, self._held if held is None else held)
+        self._fused.append(key)
         self._maps.note_update(observation.frame.id)
         self._changed()
         return report
@@ -513,6 +519,7 @@ class ObjectMapService:
 
     def _replaced(self) -> None:
         """Set up the map that has just replaced the current one."""
+        self._fused.clear()
         if self._context is not None:
             self._maps.current.set_context(self._context)
         self._changed()

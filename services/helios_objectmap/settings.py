@@ -194,7 +194,7 @@ class ObjectMapSettings(ServiceSettings):
         default=None, description="folder in which the map survives a restart; none: it does not"
     )
     save_every_s: float = Field(
-        default=3.0, gt=0, description="time between two saves of a changed map"
+        default=3.0, gt=0, le=86400, description="time between two saves of a changed map"
     )
 
     @field_validator("max_depth_m")

@@ -5,8 +5,10 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
+import numpy as np
 from helios_core import proto as pb
 from helios_core.codec import object_to_proto, world_from_proto, world_to_proto
+from helios_core.codec.frames import FARTHEST_M
 from helios_core.errors import InvalidInput
 from helios_core.geometry import se2_to_se3
 from helios_core.stored_map_file import StoredMapFile
@@ -34,6 +36,7 @@ class StoredObjects:
         self._files = StoredMapFile(map_file), StoredMapFile(map_file, "older")
         self._maps: dict[WorldId, ObjectMap] = {}
         self._dropped: dict[WorldId, ObjectMap] | None = None  # until `forget_dropped`
+        self._failed: set[WorldId] = set()  # of the maps whose addition raised an exception
         self._place = pb.Relocalisation()  # newest message of map2d
         self.untidy = False  # True while the file of a map that was taken may still be there
         for file in self._files:
@@ -114,24 +117,40 @@ class StoredObjects:
                 file.remove()
 
     def note_place(self, place: pb.Relocalisation) -> None:
-        """Note the newest message of map2d."""
+        """Note the newest message of map2d. A place that is none is left out with a warning."""
+        T = place.T_present_stored
+        if not np.isfinite([T.x_m, T.y_m, T.yaw_rad]).all() or max(abs(T.x_m), abs(T.y_m)) > (
+            FARTHEST_M
+        ):
+            log.warning(
+                "map2d found the stored map at x %g m, y %g m, yaw %g rad; left out, as it must be "
+                "within %g m",
+                T.x_m,
+                T.y_m,
+                T.yaw_rad,
+                FARTHEST_M,
+            )
+            return
         self._place = place
 
     def take_over(self, present: ObjectMap, world: WorldId | None) -> int | None:
         """Add the stored map to the present one, if it is relocalised in this world.
 
         Returns the number of Gaussians added, or None if nothing was done. The file stays until
-        `tidy`.
+        `tidy`. A map whose addition raised an exception is not tried again in this process.
         """
         place = self._place
         stored = self._maps.get(world_from_proto(place.stored))
+        if world_from_proto(place.stored) in self._failed:
+            return None
         if stored is None or place.state != RELOCALISED:
             return None
         if world is None or world_from_proto(place.present) != world:
             return None
         T = place.T_present_stored
+        self._failed.add(world_from_proto(place.stored))  # a second try would add it twice
         added = present.add_stored(stored.content(), se2_to_se3(T.x_m, T.y_m, T.yaw_rad))
-        self._maps = {}
+        self._maps, self._failed = {}, set()
         self.untidy = True
         log.info("relocalised: %d Gaussians of the stored map are in use", added)
         return added

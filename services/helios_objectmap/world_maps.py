@@ -74,7 +74,9 @@ class WorldMaps:
 
     def note_update(self, frame: FrameId) -> None:
         """Note the frame that has just been integrated into the current map."""
-        self._maps.newest = frame
+        newest = self._maps.newest
+        if newest is None or newest.epoch != frame.epoch or frame.seq > newest.seq:
+            self._maps.newest = frame
 
     # Files ------------------------------------------------------------------------------------
     def load(

@@ -54,12 +54,17 @@ class RefutedThings:
 
     def of(self, class_name: str) -> list[RefutedThing]:
         """Those that a search for a class leaves for the end, oldest first."""
-        since_s = time.time() - KEPT_S
-        return [t for t in self._things if t.class_name == class_name and t.at_s >= since_s]
+        return [t for t in self._things if t.class_name == class_name and _is_fresh(t)]
 
     def _others(self, name: str, center_m: tuple[float, float, float]) -> list[RefutedThing]:
+        """Those of other places or names that are not too old."""
         return [
             t
-            for t in self._things
+            for t in filter(_is_fresh, self._things)
             if t.class_name != name or math.dist(t.center_m, center_m) >= SAME_INSTANCE_M
         ]
+
+
+def _is_fresh(thing: RefutedThing) -> bool:
+    """False for an old thing, and for one from the future: the clock was set back since then."""
+    return abs(time.time() - thing.at_s) <= KEPT_S

@@ -155,13 +155,20 @@ class Settings(ServiceSettings):
     )
     cs_a: float = Field(
         default=0.3,
+        ge=0,
+        le=1,
         description="class score from which an instance is a candidate start receptacle (cs_a)",
     )
     cs_g: float = Field(
-        default=0.3, description="class score from which an instance is a candidate object (cs_g)"
+        default=0.3,
+        ge=0,
+        le=1,
+        description="class score from which an instance is a candidate object (cs_g)",
     )
     cs_b: float = Field(
         default=0.3,
+        ge=0,
+        le=1,
         description="class score from which an instance is a candidate goal receptacle (cs_b)",
     )
     od_a: float = Field(
@@ -297,7 +304,7 @@ class Settings(ServiceSettings):
         "cannot see; 0: never",
     )
     travel_tilt_rad: float = Field(
-        default=0.5236, description="downward tilt of the head while driving"
+        default=0.5236, ge=-1.5708, le=1.5708, description="downward tilt of the head while driving"
     )
 
     # --- in the end ---

@@ -78,7 +78,7 @@ class ActionResult:
 
     succeeded: bool
     reason: str = ""  # one sentence, if the action failed
-    moved_m: float = 0.0
+    moved_m: float = 0.0  # length of the way, also of one back; never below 0
     turned_rad: float = 0.0
     collided: bool = False
     steps: int = 0  # steps of the robot since its start

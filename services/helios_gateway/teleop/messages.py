@@ -70,7 +70,7 @@ class DriveResult(BaseModel):
 
     succeeded: bool = Field(description="the move was finished")
     reason: str = Field(description="one sentence when it failed; else empty")
-    moved_m: float | None = Field(description="way ahead; below 0: back")
+    moved_m: float | None = Field(description="length of the way, ahead or back")
     turned_rad: float | None = Field(description="above 0: left")
     collided: bool = Field(description="the robot touched something")
     pose: RobotPose | None = Field(description="where the robot stands now")

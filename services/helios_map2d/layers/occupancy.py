@@ -22,6 +22,8 @@ from helios_map2d.grid import Box, GridSpec, copy_to_larger_grid
 from helios_map2d.kernels import depth_projection as project_kernels
 from helios_map2d.kernels import occupancy_fusion as fuse_kernels
 
+FLOOR_TOLERANCE_M = 0.08
+
 Pixels = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]
 """By cell of a window, flat: how many, and the bits of the lowest and highest height."""
 
@@ -39,7 +41,7 @@ class OccupancyRules:
     band_lo_m: float = 0.10
     band_hi_m: float = 1.50
     band_rise_per_m: float = 0.006
-    floor_tolerance_m: float = 0.08
+    floor_tolerance_m: float = FLOOR_TOLERANCE_M
     weak_pixels: int = 3
     strong_pixels: int = 5
     tail_ratio: int = 20
@@ -59,7 +61,7 @@ class OccupancyRules:
         if self.floor_tolerance_m >= self.band_lo_m:
             raise InvalidInput(
                 f"floor tolerance {self.floor_tolerance_m} m reaches into the obstacle band that "
-                f"starts at {self.band_lo_m} m: make it smaller"
+                f"starts at {self.band_lo_m} m: raise band_lo_m"
             )
         if self.band_hi_m <= self.band_lo_m:
             raise InvalidInput(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from helios_core.errors import InvalidInput
 from helios_core.types import Detection, Observation, SearchContext
 from numpy.typing import NDArray
 
@@ -34,7 +35,8 @@ def read(
     """Sample an observation every `stride` pixels and paint its masks.
 
     A pixel gets the class of the smallest mask there. by_score: of masks of one size the detection
-    with the highest score wins; else the alphabetically last class.
+    with the highest score wins; else the alphabetically last class. Raises InvalidInput for an
+    image with a side shorter than the stride.
     """
     frame, camera = observation.frame, observation.frame.camera
     view = View(
@@ -46,6 +48,11 @@ def read(
         camera.height,
         np.asarray(frame.T_world_cam, np.float64),
     )
+    if min(camera.width, camera.height) < stride:
+        raise InvalidInput(
+            f"the image has {camera.width}x{camera.height} pixels, and the object map takes one in "
+            f"{stride} along each side; send a larger image, or lower HELIOS_OBJECTMAP_STRIDE_PX"
+        )
     first = offset(stride)
     grid = (slice(first, None, stride), slice(first, None, stride))
     depth_m = np.ascontiguousarray(frame.depth_m[grid], np.float32)

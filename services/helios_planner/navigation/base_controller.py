@@ -34,6 +34,8 @@ from helios_planner.navigation.motion_monitor import NO_MOTION_M, MotionMonitor
 from helios_planner.robot.interface import RobotInterface
 from helios_planner.settings import Settings
 
+LEAST_FORWARD_M = 0.01  # of a robot that names no smallest move
+LEAST_TURN_RAD = math.radians(0.5)  # of a robot that names no smallest turn
 MARK_RADIUS_M = 0.08
 ARRIVED_M = 0.12
 MOST_TURNS = 24  # in a row, towards one place
@@ -75,9 +77,9 @@ class BaseController:
         self.rules = MotionRules(
             footprint_m=description.footprint_radius_m,
             margin_m=settings.margins_m[0],
-            min_forward_m=description.min_forward_m,
+            min_forward_m=max(description.min_forward_m, LEAST_FORWARD_M),
             max_forward_m=description.max_forward_m,
-            min_turn_rad=description.min_turn_rad,
+            min_turn_rad=max(description.min_turn_rad, LEAST_TURN_RAD),
             max_turn_rad=description.max_turn_rad,
         )
         self.monitor = MotionMonitor(robot)

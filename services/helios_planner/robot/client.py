@@ -248,7 +248,11 @@ class RobotClient(RobotInterface):
             self._driver.wait_while_stopped() or HALTED in result.reason
         )
         if not reply.HasField("keyframe"):
-            raise TaskFailed(Cause.SYSTEM_ERROR, "the robot sent no keyframe after an action")
+            raise TaskFailed(
+                Cause.SYSTEM_ERROR,
+                f"the robot sent no image after {type(action).__name__.lower()}; see why its "
+                "driver's capture ended in `helios logs bridge`",
+            )
         frame = frame_id_from_proto(reply.keyframe)
         if self._frame is not None and frame.epoch != self._frame.epoch:
             raise TaskFailed(

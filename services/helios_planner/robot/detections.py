@@ -17,7 +17,7 @@ from helios_core.geometry import Matrix, Pinhole
 from helios_core.image_messages import ObservationMessage
 from helios_core.keyframe_acks import KeyframeAcks
 from helios_core.topics import OBSERVATION
-from helios_core.types import Detection, Observation
+from helios_core.types import Detection, FrameId, Observation
 from numpy.typing import NDArray
 
 MIN_POINTS = 8  # least points of a mask with usable depth
@@ -141,6 +141,7 @@ class MessageBuffer:
         self._acks, self._context_id, self._max_depth_m = acks, context_id, max_depth_m
         self._lock = threading.Lock()
         self._sightings: list[Sighting] = []
+        self._heard: set[FrameId] = set()
         self._registration = bus.subscribe_in_place(OBSERVATION, self._on_observation)
 
     def sightings(self) -> list[Sighting]:
@@ -168,5 +169,7 @@ class MessageBuffer:
                 ack.accepted, ack.reason = False, error.message
             else:
                 with self._lock:
-                    self._sightings += found
+                    if observation.frame.id not in self._heard:  # it may be sent twice
+                        self._heard.add(observation.frame.id)
+                        self._sightings += found
         self._acks.add(ack)

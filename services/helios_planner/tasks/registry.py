@@ -42,6 +42,7 @@ _SUBMIT_AGAIN = (
     "so it is not known how far this one came; the robot goes on with nothing by itself: see what "
     "it holds, and submit the task again"
 )
+CLOCK_STEP_S = 5.0  # by which a corrected clock may go back
 AWAY = "was away for too long while the task ran; submit it again"
 UNPROVEN = f"ended at a time when it could not write down how its tasks went, {_SUBMIT_AGAIN}"
 OUTDATED = f"began another task later and has no end of this one, {_SUBMIT_AGAIN}"
@@ -74,9 +75,10 @@ class TaskRegistry:
         """Read the stored tasks; returns the ids of those to do, first the one that ran when the
         planner died. It resumes only if the planner died within `resume_within_s`, was not stopped,
         and the store is proven complete. Else it ends, and queued tasks wait to be resumed. Of
-        several running tasks only the newest resumes."""
+        several running tasks only the newest resumes. A clock that was set back does not tell when
+        the planner died."""
         away_s = time.time() - self._store.alive_s()
-        just_left = away_s <= self._settings.resume_within_s
+        just_left = -CLOCK_STEP_S <= away_s <= self._settings.resume_within_s
         readable = filter(None, map(_readable, self._store.tasks()))
         self._tasks = {task.id: task for task in readable}
         under_way = [t for t in self._tasks.values() if t.state.under_way]

@@ -72,7 +72,24 @@ def test_a_service_that_cannot_start_ends_its_process_and_reports_the_reason(
     hosted.close()
 
 
-def test_invalid_map_settings_are_refused_before_a_robot_connects() -> None:
-    settings = Settings.load(["--band-lo-m", "2.0"])
-    with pytest.raises(InvalidInput, match="raise its top"):
-        main.MapHost(MemoryBus(MemoryHub()), Health(), settings)
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (["--band-lo-m", "2.0"], "give a band_hi_m above band_lo_m"),
+        (["--band-lo-m", "0.05"], "band_lo_m"),
+        (["--min-depth-m", "6"], "give a max_depth_m above min_depth_m"),
+        (["--most-cells", "1000"], "give a most_cells of at least size_cells"),
+        (["--keep-period-s", "inf"], "keep_period_s"),
+    ],
+)
+def test_settings_under_which_nothing_is_mapped_or_saved_are_refused(
+    flags: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        Settings.load(flags)
+    assert said in capsys.readouterr().err
+
+
+def test_the_remedy_for_a_leap_is_a_setting() -> None:
+    settings = Settings.load(["--most-leap-m", "80"])
+    assert settings.rules(5.0, 0.3).most_leap_m == 80

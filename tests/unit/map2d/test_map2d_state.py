@@ -90,6 +90,16 @@ def test_an_observation_of_another_context_is_refused() -> None:
         state.integrate_values(observation_of(walk.frame(2, 1.5, 0), "old", pick=1.0))
 
 
+def test_scores_of_layers_that_the_search_does_not_have_are_refused_and_take_no_memory() -> None:
+    walk = open_room()
+    state = map_after_looking_around(walk)
+    layers = set(state.stack.values.layers)
+    more = {f"layer {n}": 0.5 for n in range(20)}
+    with pytest.raises(InvalidInput, match="20 layers that this search does not have"):
+        state.integrate_values(observation_of(walk.frame(2, 1.5, 0), "first", pick=0.5, **more))
+    assert set(state.stack.values.layers) == layers
+
+
 def test_a_frame_sent_twice_is_integrated_once() -> None:
     walk = open_room()
     state = map_after_looking_around(walk)

@@ -66,7 +66,7 @@ def rig_after_walk(*, embeds: bool) -> Rig:
         rig.scorer.serve(rig.bus)
     walls = [Block((3.9, 0, 0), (4.1, 2.0, 2.5)), Block((3.9, 4.0, 0), (4.1, 6.0, 2.5))]
     rig.walk = Walk([*room(8.0, 6.0), *walls, *(block(*at) for at in THINGS_M.values())])
-    rig.search("idle", {})
+    rig.search("idle", {} if embeds else {"pick": "a mug", "place": "a table"})
     for x, y in STOPS_M:
         for frame in rig.walk.look_around(x, y)[::2]:
             rig.keyframe(frame)

@@ -61,13 +61,17 @@ class Rig:
         self.bus = MemoryBus(hub)
         self.health = Health()
         self.acks: list[pb.Ack] = []
+        self.next_seq = 0
         self.bus.subscribe(OBJECTMAP_ACK, self.acks.append)
         self.service = ObjectMapService(MemoryBus(hub), settings, self.health)
 
     def ask_for(self, context: SearchContext = SOUGHT) -> None:
         self.bus.publish(CONTEXT, context_to_proto(context))
 
-    def see(self, x: float = 0.0, y: float = 0.0, seq: int = 0, **kw) -> None:
+    def see(self, x: float = 0.0, y: float = 0.0, seq: int | None = None, **kw) -> None:
+        """Send an observation; seq: number of its frame, by default that of the next frame."""
+        seq = self.next_seq if seq is None else seq
+        self.next_seq = seq + 1
         o = observe(SCENE, looking_at(x, y, MUG_CENTER), seq=seq, **kw)
         self.bus.publish(OBSERVATION, observation_to_proto(o))
 

@@ -29,8 +29,9 @@ from helios_core.topics import (
     SAVE_OBJECTS,
     STORED_OBJECTS,
 )
-from helios_core.types import RobotState
+from helios_core.types import FrameId, RobotState
 from helios_objectmap import persistence
+from helios_objectmap.epochs import EpochMaps
 from helios_objectmap.object_map import ObjectMap
 from helios_objectmap.service import FILE_NAME, ObjectMapService
 from objectmap_scene import CONTEXT as SOUGHT
@@ -169,6 +170,78 @@ def test_the_place_of_another_map_is_not_used(monday: Robot, wrong: str) -> None
     today.is_told("relocalised", "sunday" if wrong == "stored" else "monday")
     assert not any(o.relocalised for o in today.objects())
     assert today.stored().relocalisation.state == "unknown"
+
+
+@pytest.mark.parametrize("x_m", [math.nan, math.inf, 1e9])
+def test_a_place_that_is_none_changes_nothing(monday: Robot, x_m: float) -> None:
+    today = Robot("tuesday")
+    today.load(monday.saved())
+    place = pb.Relocalisation(
+        state="relocalised",
+        stored=pb.WorldName(robot_boot_id="monday"),
+        present=pb.WorldName(robot_boot_id="tuesday"),
+        T_present_stored=pb.Pose2(x_m=x_m),
+    )
+    today.bus.publish(RELOCALISATION, place)
+    today.see(T_NOW_HOME)
+    assert not any(o.relocalised for o in today.objects())
+    assert len(today.mugs()) == 1
+    assert today.stored().objects
+
+
+def test_a_stored_map_whose_addition_fails_is_tried_once(
+    monday: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    today = Robot("tuesday")
+    today.load(monday.saved())
+    tries: list[int] = []
+
+    def fails(*_: object) -> int:
+        tries.append(1)
+        raise MemoryError
+
+    monkeypatch.setattr(ObjectMap, "add_stored", fails)
+    today.is_told("relocalised")
+    today.see(T_NOW_HOME)
+    assert len(tries) == 1
+    assert today.stored().objects
+
+
+def test_names_of_a_stored_map_without_gaussians_come_with_it() -> None:
+    before, here = ObjectMap(SETTINGS), ObjectMap(SETTINGS)
+    before.set_context(SOUGHT)
+    assert here.add_stored(before.content(), T_NOW_HOME) == 0
+    assert here.content().roles == before.content().roles != {}
+
+
+def test_an_observation_that_is_sent_twice_counts_once() -> None:
+    once, twice = Robot("monday").see(np.eye(4)), Robot("monday")
+    for view in VIEWS:
+        twice.see(np.eye(4), VIEWS[: VIEWS.index(view) + 1])
+    assert [m.views for m in twice.mugs()] == [m.views for m in once.mugs()]
+    assert [m.score for m in twice.mugs()] == [m.score for m in once.mugs()]
+
+
+def test_a_map_without_gaussians_comes_back_with_its_world() -> None:
+    maps = EpochMaps(SETTINGS)
+    home, away = (
+        replace(observe(SCENE, looking_at(0.0, 0.0, MUG)).frame, id=FrameId(boot, 0, 1))
+        for boot in ("monday", "tuesday")
+    )
+    maps.set_robot_world(home.world, "monday")
+    empty = maps.map_for(home)
+    assert maps.map_for(away) is not empty
+    assert maps.map_for(home) is empty
+
+
+def test_the_newest_frame_is_that_of_the_map_and_never_an_older_one(monday: Robot) -> None:
+    robot = Robot("tuesday")
+    robot.see(np.eye(4))
+    assert robot.service._maps.newest == FrameId("tuesday", 0, 3)
+    robot.service._maps.note_update(FrameId("tuesday", 0, 2))
+    assert robot.service._maps.newest == FrameId("tuesday", 0, 3)
+    robot.bus.call(RESET_OBJECTS, pb.Empty(), 5.0)
+    assert robot.service._maps.newest is None
 
 
 def test_a_relocalised_object_can_be_picked(monday: Robot) -> None:

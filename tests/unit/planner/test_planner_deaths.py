@@ -203,6 +203,22 @@ def test_the_duration_of_a_pause_does_not_count_as_absence_of_the_planner(
     assert task_registry.known("a").state is State.FAILED
 
 
+@pytest.mark.parametrize(("ago_s", "waits"), [(-365 * 86400.0, True), (-1.0, False)])
+def test_a_clock_that_was_set_back_starts_no_queued_task(
+    tmp_path: Path, ago_s: float, waits: bool
+) -> None:
+    store = Store(tmp_path)
+    queued = Task("a", "go", parse("go to the sofa"), State.QUEUED, 9, time.time())
+    store.put(task_to_proto(queued))
+    assert store.mend((), ())
+    store.close()
+    store = Store(tmp_path)
+    store.note_alive(time.time() - ago_s)
+    registry = TaskRegistry(MemoryBus(MemoryHub()), hasty(tmp_path), Health(), store)
+    assert registry.restore() == ["a"]
+    assert registry.known("a").on_hold is waits
+
+
 def restored(tmp_path: Path, *tasks: Task, unreadable: str = "") -> TaskRegistry:
     """Return the registry of a planner that finds these tasks, after one that just died.
     unreadable: id of a task whose journal is damaged."""

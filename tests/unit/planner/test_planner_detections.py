@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helios_core.codec import observation_to_proto
@@ -82,11 +84,21 @@ def test_the_client_uses_no_depth_beyond_what_the_robot_measures() -> None:
     hub, acks = MemoryHub(), KeyframeAcks()
     inbox = MessageBuffer(MemoryBus(hub), acks, "c", max_depth_m=1.0)
     T = camera_on_base(np.eye(4), 1.31, 0.0)
-    for away_m in (3.0, 0.9):
+    for seq, away_m in enumerate((3.0, 0.9)):
         seen = observation_of(np.array([away_m, 0.0, 1.31]), T)
+        seen = replace(seen, frame=replace(seen.frame, id=FrameId("b", 0, seq)))
         MemoryBus(hub).publish(OBSERVATION, observation_to_proto(seen))
     (found,) = inbox.sightings()
     assert found.center_m[0] == pytest.approx(0.9, abs=0.02)
+
+
+def test_an_observation_that_is_sent_twice_gives_its_sightings_once() -> None:
+    hub = MemoryHub()
+    inbox = MessageBuffer(MemoryBus(hub), KeyframeAcks(), "c", max_depth_m=5.0)
+    seen = observation_of(np.array([0.9, 0.0, 1.31]), camera_on_base(np.eye(4), 1.31, 0.0))
+    for _ in range(2):
+        MemoryBus(hub).publish(OBSERVATION, observation_to_proto(seen))
+    assert len(inbox.sightings()) == 1
 
 
 def test_a_detection_without_depth_is_no_sighting() -> None:

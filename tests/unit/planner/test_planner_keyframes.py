@@ -79,7 +79,7 @@ def test_a_task_of_another_world_is_not_resumed(what: str, new: object) -> None:
 def test_a_robot_that_sends_no_keyframe_fails_the_task() -> None:
     scene = Scene()
     scene.peers.bus.serve(ACT, lambda request: pb.ActionResult(action_id=request.action_id))
-    with pytest.raises(TaskFailed, match="sent no keyframe") as failure:
+    with pytest.raises(TaskFailed, match="sent no image after turn") as failure:
         scene.robot.act(Turn(0.3))
     assert failure.value.cause is Cause.SYSTEM_ERROR
 

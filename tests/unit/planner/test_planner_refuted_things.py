@@ -107,6 +107,15 @@ def test_a_place_has_one_entry_for_each_name_and_entries_expire() -> None:
     assert (known.of("mug"), len(known.of("glass")), len(saved)) == ([], 1, 4)
 
 
+def test_entries_that_are_too_old_or_of_the_future_are_dropped_at_the_next_change() -> None:
+    saved: list[list[RefutedThing]] = []
+    old = [thing("can", ago_s=KEPT_S + 60), thing("pot", ago_s=-KEPT_S - 60)]
+    known = RefutedThings(old, saved.append)
+    assert known.of("pot") == []
+    known.add(thing())
+    assert [kept.class_name for kept in saved[-1]] == ["mug"]
+
+
 def test_the_store_keeps_them_over_a_restart_for_each_world_until_they_are_too_old(
     tmp_path: Path,
 ) -> None:

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from helios_ros2.action_call import RosAction
+from helios_ros2.earlier_goals import EarlierGoals
 from helios_ros2.offered_qos import Qos
 
 MS = 1_000_000
@@ -96,6 +97,9 @@ class Future:
     def done(self) -> bool:
         return self._result is not None
 
+    def exception(self) -> None:
+        return None
+
     def result(self) -> Any:
         return self._result
 
@@ -120,4 +124,40 @@ def ros_action(sent: Future | None = None) -> RosAction:
     action.name, action._kind = "/spin", "x/action/Spin"
     action._client = SimpleNamespace(server_is_ready=lambda: True, send_goal_async=lambda _: sent)
     action._sent = action._goal = None
+    action.earlier = earlier_goals(CancelServer(is_there=False))
     return action
+
+
+class CancelServer:
+    """Stands for the client of an action's cancel service, and for its server."""
+
+    def __init__(self, is_there: bool = True, answers: bool = True) -> None:
+        self.is_there, self.answers = is_there, answers
+        self.goals, self.return_code = 0, 0  # of each answer
+        self.asked: list[tuple[Any, Future]] = []  # requests, with the futures of their answers
+
+    def service_is_ready(self) -> bool:
+        return self.is_there
+
+    def call_async(self, request: Any) -> Future:
+        self.asked.append((request, Future()))
+        if self.answers:
+            self.answer(-1)
+        return self.asked[-1][1]
+
+    def answer(self, index: int) -> None:
+        """Answer one of the requests."""
+        goals = [object()] * self.goals
+        reply = SimpleNamespace(return_code=self.return_code, goals_canceling=goals)
+        self.asked[index][1].set_result(reply)
+
+    def remove_pending_request(self, _: Future) -> None: ...
+
+
+def earlier_goals(server: CancelServer, name: str = "/spin") -> EarlierGoals:
+    """The earlier goals of an action with this server."""
+    made = EarlierGoals.__new__(EarlierGoals)
+    made._action, made._client, made._lock = name, server, threading.Lock()
+    made._kind = SimpleNamespace(Request=lambda: "all goals")
+    made._asked, made._again_s, made._why_not, made.ended = None, 0.0, "it has not answered", False
+    return made

@@ -95,6 +95,23 @@ def test_any_layer_has_a_valid_topic_name(text: str) -> None:
     assert not name[0].isdigit()
 
 
+@given(st.lists(st.text(), min_size=2, max_size=2, unique=True))
+def test_two_layers_never_share_a_topic(texts: list[str]) -> None:
+    assert topic_name(texts[0]) != topic_name(texts[1])
+
+
+def test_layers_that_differ_in_punctuation_or_letters_beyond_ascii_have_topics_of_their_own() -> (
+    None
+):
+    names = [
+        topic_name(text) for text in ("Tür", "T-r", "T r", "T_r", "椅子", "桌子", "layer", "_x")
+    ]
+    assert len(set(names)) == len(names)
+    assert names[2].startswith("T_r_")
+    for plain in ("T_r", "layer", "pick", "goal_region2"):
+        assert topic_name(plain) == plain
+
+
 # --- tasks and actions ----------------------------------------------------------------------------
 def test_a_task_is_an_instruction_or_json() -> None:
     assert submit_request(" find the cup ").instruction == "find the cup"
@@ -109,6 +126,12 @@ def test_a_task_is_an_instruction_or_json() -> None:
     ):
         with pytest.raises(InvalidInput, match="send an instruction"):
             submit_request(wrong)
+
+
+def test_a_task_with_too_many_levels_is_refused_with_the_reason() -> None:
+    for deep in ("[" * 200_000, '{"a":' * 200_000):
+        with pytest.raises(InvalidInput, match="too many levels; send an instruction"):
+            submit_request('{"settings": ' + deep)
 
 
 class Point:

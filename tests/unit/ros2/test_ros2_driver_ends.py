@@ -104,6 +104,40 @@ def test_closing_ends_the_node_although_ros_does_not_take_the_cancel(
     assert ("the context is invalid" in caplog.text) == (fault == "an error")
 
 
+@pytest.mark.parametrize("cancel", ["answered", "fails"])
+def test_a_goal_whose_result_fails_is_cancelled_and_known_until_it_is(
+    monkeypatch: pytest.MonkeyPatch, cancel: str
+) -> None:
+    sent, answer = Future(), Future()
+    action = ros_action(sent)
+    stage = Stage(monkeypatch, action, nav2=False)
+    goal = stage.goal(answer)
+    answer.set_result(True)
+    takes, goal.get_result_async = goal.cancel_goal_async, fails
+    if cancel == "fails":
+        goal.cancel_goal_async = fails
+    sent.set_result(goal)
+    stage.driver._latch.begin()
+    with pytest.raises(RuntimeError, match="the context is invalid"):
+        action.run(object(), stage.driver._latch, 60.0)
+    goal.cancel_goal_async = takes
+    stage.driver.stop("a cat")
+    assert stage.graph.happened == ["cancel"]
+
+
+def test_a_goal_that_could_not_be_sent_is_not_cancelled(monkeypatch: pytest.MonkeyPatch) -> None:
+    action = ros_action(Future())
+    sent = action._client.send_goal_async(None)
+    monkeypatch.setattr(sent, "done", lambda: True)
+    monkeypatch.setattr(sent, "exception", lambda: RuntimeError("lost"))
+    monkeypatch.setattr(sent, "result", fails)
+    stage = Stage(monkeypatch, action, nav2=False)
+    stage.driver._latch.begin()
+    with pytest.raises(RuntimeError, match="the context is invalid"):
+        action.run(object(), stage.driver._latch, 60.0)
+    stage.driver.stop("a cat")
+
+
 def test_a_stop_cancels_every_motion_although_one_cannot_be_ended(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
