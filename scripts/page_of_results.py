@@ -28,8 +28,8 @@ from helios_eval.report.interval_statistics import (
     score_difference,
     wilson,
 )
-from helios_eval.report.number_format import scale, signed
-from helios_eval.report.record_metrics import METRICS, NAMES, values
+from helios_eval.report.number_format import plural, scale, signed
+from helios_eval.report.record_metrics import METRICS, NAMES, paired_values, values
 from helios_eval.report.report_model import Table
 from helios_eval.report.requested_episodes import Identity, seeds_asked
 from helios_eval.report.run_description import is_dirty, missing, run_of
@@ -72,6 +72,7 @@ RUNS = (
     Run("table-1-ovmm-picks", "Table 1 by the benchmark's rule of a pick", "table-1", 3),
     Run("table-4-ovmm-picks", "Table 4 by the benchmark's rule of a pick", "table-4", 2),
 )
+BY_PICKS = ("table-1", "table-1-ovmm-picks")
 OURS = Run("our-agent", "helios and the paper's agents", arms=3)
 JUDGE = (
     Run("judge", "One object in four is not in the home", arms=3),
@@ -120,6 +121,8 @@ def _of_run(run: Run) -> str:
         played = sum(len(arm.records) for arm in found)
         return f"Being played: {played} episodes so far. No figure is shown before the last.\n"
     blocks = [means(found)]
+    if run.folder in BY_PICKS:
+        blocks.append(by_picks(found))
     if run in JUDGE:
         blocks.append(among(found))
     if any(arm.task_classes for arm in found):
@@ -217,7 +220,7 @@ def _differences(pairs: Sequence[tuple[Arm, Arm]]) -> str:
         mine, theirs = in_common(_present(arm), _present(other))
         cells: list[str] = []
         for name in ("FindObj", "Pick", "FindRec", "SR", "steps"):
-            x, y, k = values(mine, name), values(theirs, name), scale(name)
+            (x, y), k = paired_values(mine, theirs, name), scale(name)
             d = paired_difference(x, y)
             if not d.has_bounds and METRICS[name].binary:
                 d = score_difference(x, y)
@@ -228,6 +231,26 @@ def _differences(pairs: Sequence[tuple[Arm, Arm]]) -> str:
             )
         rows.append([_label(arm, other), str(len(mine)), *cells])
     return table(["difference", "homes", "FindObj", "Pick", "FindRec", "SR", "steps"], rows)
+
+
+def by_picks(found: Sequence[Arm]) -> str:
+    """Table of paired differences of `helios-paper` to its ablations, by the limit of picks."""
+    columns: list[tuple[str, int | None]] = [
+        ("Pick", 1), ("Pick", None), ("SR", 1), ("SR", 5), ("SR", None),
+    ]  # fmt: skip
+    arm_of = {arm.agent: arm for arm in found}
+    rows: list[list[str]] = []
+    for agent in ("no-global-objective", "trusting"):
+        mine, theirs = in_common(arm_of["helios-paper"], arm_of[agent])
+        cells: list[str] = []
+        for name, most in columns:
+            d = paired_difference(values(mine, name, most), values(theirs, name, most))
+            k = scale(name)
+            bounds = number_format.bounds(d.low * k, d.high * k, 1, plus=True)
+            cells.append(f"{signed(d.value * k, 1)} {_plain(bounds)}")
+        rows.append([f"`helios-paper` − {code(agent)}", str(len(mine)), *cells])
+    heads = [name if most is None else f"{name}, {plural(most, 'pick')}" for name, most in columns]
+    return table(["difference", "homes", *heads], rows)
 
 
 def _label(arm: Arm, other: Arm) -> str:

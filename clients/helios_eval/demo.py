@@ -25,7 +25,7 @@ from helios_client.supervision.up import check_port
 from helios_client.usage_errors import check_writable
 from helios_core import proto as pb
 from helios_core.atomic_file import write_file
-from helios_core.errors import HeliosError, Unavailable
+from helios_core.errors import HeliosError, InvalidInput, Unavailable
 from helios_core.topics import TRUTH_EPISODE, TRUTH_METRICS
 from helios_core.zenoh_bus import ZenohBus
 from rich.console import Console
@@ -184,6 +184,17 @@ def run(seed: int, preset: str, port: int, out: Path, console: Console) -> dict:
     return result
 
 
+def check_seed(seed: int) -> None:
+    """Raises InvalidInput for a home that is not for development."""
+    from helios_eval.ledger import FIRST_SEED  # late import: it takes a second
+
+    if not 0 <= seed < FIRST_SEED:
+        raise InvalidInput(
+            f"--seed is {seed}; the demo plays homes 0 to {FIRST_SEED - 1}, since later ones "
+            "belong to published results; `helios eval` plays those, and enters them in the ledger"
+        )
+
+
 def port_number(text: str) -> int:
     """Port of a command line. Raises ValueError, and ArgumentTypeError outside 1 to 65535."""
     port = int(text)
@@ -202,6 +213,7 @@ def main() -> int:
     )
     args = parser.parse_args()
     try:
+        check_seed(args.seed)
         result = run(args.seed, args.preset, args.port, args.out, Console())
     except HeliosError as error:
         print(f"helios-demo: {error.message}", file=sys.stderr)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -13,9 +13,9 @@ from typing import Annotated
 import typer
 from helios_client.terminal_output import Screen
 from helios_client.usage_errors import UsageError
-from helios_core.errors import InvalidInput
+from helios_core.errors import InvalidInput, Unavailable
 
-from helios_eval import run_folder as run_folder
+from helios_eval import run_folder
 from helios_eval.calibration.command import calibration
 from helios_eval.command_options import (
     Absent,
@@ -42,12 +42,13 @@ from helios_eval.command_options import (
     TaskClasses,
     Why,
 )
-from helios_eval.episodes.episode_record import Benchmark, read
+from helios_eval.episodes.episode_record import Benchmark, EpisodeRecord, read
 from helios_eval.episodes.episode_spec import DEFAULT_PICK_RULE
 from helios_eval.episodes.run_conditions import parse_condition
 from helios_eval.plan_command import plan
-from helios_eval.report import MARKDOWN, write_report_of
-from helios_eval.runs import merge_runs, results
+from helios_eval.report import write_report_of
+from helios_eval.report.number_format import plural
+from helios_eval.runs import merge_runs, results, unseen_homes
 from helios_eval.runs.evaluation_run import Run, run
 from helios_eval.video.video_command import video
 
@@ -139,6 +140,12 @@ def report(
             "several folders"
         ),
     ] = None,
+    unfinished: Annotated[
+        bool,
+        typer.Option(
+            "--unfinished", help="report also if requested homes from seed 1000 on are not played"
+        ),
+    ] = False,
 ) -> None:
     """Regenerate results.json, report.md and report.html of a folder, even of a killed run.
 
@@ -147,8 +154,10 @@ def report(
     if out is None and len(folders) > 1:
         raise UsageError("a report on several folders needs a folder of its own: give --out FOLDER")
     into = out or folders[0]
-    records, description = merge_runs.episodes(folders), merge_runs.run(folders)
+    records = merge_runs.episodes(folders)
     with run_folder.write_errors_as_unavailable(into):
+        unseen_homes.prepare_report(records, merge_runs.run(folders), folders, unfinished)
+        description = merge_runs.run(folders)
         if out is not None and records:
             merge_runs.pack(out, records, description)
             records = read(out)  # report exactly the records that the packed file holds
@@ -214,15 +223,24 @@ def _run(
     console = Screen()
     try:
         with _ended_by_sigterm():
-            run(asked, console)
+            played = run(asked, console)
     except KeyboardInterrupt as interrupt:
-        where = (
-            f"a report on the finished episodes is in {out}; " if (out / MARKDOWN).exists() else ""
-        )
-        print(f"helios: interrupted; {where}run the same command to continue", file=sys.stderr)
+        print("helios: interrupted; run the same command to continue", file=sys.stderr)
         number = interrupt.args[0] if interrupt.args else signal.SIGINT
         raise SystemExit(128 + number) from None  # the message is already printed
     console.print(f"written to {out}", highlight=False)
+    _check_all_played(played)
+
+
+def _check_all_played(records: Sequence[EpisodeRecord]) -> None:
+    """Raise Unavailable if some of the episodes could not be played."""
+    lost = [r for r in records if not r.was_played]
+    if lost:
+        raise Unavailable(
+            f"{len(lost)} of {plural(len(records), 'episode')} could not be played, and count as "
+            f"failures (seed {lost[0].seed} of {lost[0].agent}: {lost[0].message}); correct that "
+            "and give the same command again"
+        )
 
 
 @contextmanager

@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-import mujoco
 from helios_core.geometry import wrap_angle
 from helios_core.robot import (
     Action,
@@ -30,6 +29,7 @@ from helios_sim.episode_tracker import EpisodeTracker
 from helios_sim.gripper import Graspable, Gripper
 from helios_sim.home import Home
 from helios_sim.manipulation import Manipulation, ManipulationFailed, PickRule
+from helios_sim.mujoco_library import mujoco
 from helios_sim.ovmm_metrics import ReleaseResult
 from helios_sim.robot_model import RobotIndex
 from helios_sim.robot_physics import RobotPhysics

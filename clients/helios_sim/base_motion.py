@@ -6,9 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import mujoco
-
 from helios_sim.drive_trace import DriveTrace
+from helios_sim.mujoco_library import mujoco
 from helios_sim.robot_model import RobotIndex
 from helios_sim.robot_physics import RobotPhysics
 

@@ -10,16 +10,16 @@ from helios_core.codec import (
     transform_from_proto,
     transform_to_proto,
 )
+from helios_core.codec.frames import depth_to_mm
 from helios_core.errors import InvalidInput
 from helios_core.robot import Capture
 
 
 def capture_to_proto(capture: Capture) -> pb.WorldCapture:
-    """Message of a capture; depth is rounded to millimetres."""
-    depth_mm = np.rint(capture.depth_m * np.float32(1000.0)).astype("<u2")
+    """Message of a capture; depth is rounded to millimetres, as `depth_to_mm` says."""
     return pb.WorldCapture(
         color=capture.color.tobytes(),
-        depth_mm=depth_mm.tobytes(),
+        depth_mm=depth_to_mm(capture.depth_m).tobytes(),
         camera=pinhole_to_proto(capture.camera),
         T_world_cam=transform_to_proto(capture.T_world_cam),
         T_world_base=transform_to_proto(capture.T_world_base),

@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
 from helios_sim.episode_events import Collided, Event, PickTried, PlaceTried
 from helios_sim.home import Episode, Home
 from helios_sim.home.catalogs import CATALOGS
-from helios_sim.home.task_sampling import AMBIGUOUS
+from helios_sim.home.task_sampling import AMBIGUOUS, NoTask
 from helios_sim.navigable_area import NavigableArea, Points, clearance_m
 from helios_sim.objectnav_metrics import MIN_SHORTEST_M
 from helios_sim.ovmm_metrics import (
@@ -56,7 +55,7 @@ def objectnav_episode_of(home: Home, seed: int, radius_m: float) -> Episode:
     """Object-navigation task, such as "Find the sofa".
 
     The class is any furniture of the home that a catalog names and whose nearest viewpoint is at
-    least 1 m from the start. Raises InvalidInput if there is none.
+    least 1 m from the start. Raises NoTask if there is none.
     """
     ground = navigable_area_of(home, radius_m)
     furniture = {item.class_name for item in home.receptacles}
@@ -68,9 +67,7 @@ def objectnav_episode_of(home: Home, seed: int, radius_m: float) -> Episode:
         episode = Episode(name, "", "", f"Find the {name}")
         if MIN_SHORTEST_M <= shortest_path_m(home, targets_of(home, episode, ground)) < np.inf:
             return episode
-    raise InvalidInput(
-        f"home {home.seed} has no furniture at least 1 m from the start; take another"
-    )
+    raise NoTask(f"home {home.seed} has no furniture at least 1 m from the start; take another")
 
 
 def shortest_path_m(home: Home, targets: Targets) -> float:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
+
+from helios_sim.mujoco_library import mujoco
 
 
 class Frustum:

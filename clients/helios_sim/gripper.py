@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from helios_core.geometry import Matrix, se2_to_se3
 from numpy.typing import NDArray
 
 from helios_sim.home.mujoco_model import GROUP_COLLISION
+from helios_sim.mujoco_library import mujoco
 from helios_sim.robot_model import (
     CAMERA_HEIGHT_M,
     CARRY_BASE_M,

@@ -29,6 +29,7 @@ _CELL_M = 0.05
 _ON_SURFACE_GRID_M = 0.05
 _MAX_PLACES = 12
 _LIFT_M = 0.06  # headroom above an object that is placed
+_LAST_SEED = 999  # of the homes for development
 
 Cell = tuple[int, int]
 
@@ -250,16 +251,30 @@ def _to_edge_m(surface: Surface, point: NDArray[np.float64]) -> float:
     return float(min(half_x - abs(c * d[0] + s * d[1]), half_y - abs(c * d[1] - s * d[0])))
 
 
+def seeds_of(text: str) -> range:
+    """Seeds of "3" or "0-9". Raises ArgumentTypeError for other text and for later homes."""
+    first, _, last = text.partition("-")
+    last = last or first
+    if not (first.isdecimal() and last.isdecimal()) or int(last) < int(first):
+        raise argparse.ArgumentTypeError(f"{text!r} names no seeds; write 3 or 0-9")
+    if int(last) > _LAST_SEED:
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: homes from {_LAST_SEED + 1} on belong to published results; wanted seeds "
+            f"up to {_LAST_SEED}; `helios eval --agents ground-truth-walker` plays the others, and "
+            "enters them in the ledger"
+        )
+    return range(int(first), int(last) + 1)
+
+
 def main(say: Callable[[str], object] = print) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m helios_sim.ground_truth_solver", description=__doc__
     )
-    parser.add_argument("--seeds", default="0-9", help="first and last seed")
+    parser.add_argument("--seeds", type=seeds_of, default="0-9", help="first and last seed")
     parser.add_argument("--preset", default="demo-v1", choices=sorted(PRESETS))
     args = parser.parse_args()
-    first, _, last = args.seeds.partition("-")
     solved = count = 0
-    for seed in range(int(first), int(last or first) + 1):
+    for seed in args.seeds:
         began = time.monotonic()
         home = generate_home(seed, PRESETS[args.preset])
         world = World(home, episode_of(home, seed))

@@ -14,13 +14,13 @@ import math
 from collections.abc import Callable, Collection, Mapping
 from typing import Literal, get_args
 
-import mujoco
 import numpy as np
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import is_named, same_name
 from numpy.typing import NDArray
 
 from helios_sim.gripper import Graspable, Gripper, RestState
+from helios_sim.mujoco_library import mujoco
 from helios_sim.robot_model import REACH_M
 
 PICK_WITHIN_M = 0.15  # from the requested point to the object's box

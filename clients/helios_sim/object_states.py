@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from helios_sim.ground_truth import TrueObjectState
 from helios_sim.home import Fixture, Home
+from helios_sim.mujoco_library import mujoco
 
 _FLOOR_M = 0.1  # an object whose underside is below this height lies on the floor
 

@@ -6,13 +6,13 @@ from collections import OrderedDict
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
 from helios_core.errors import InvalidInput
 from numpy.typing import NDArray
 
 from helios_sim.ground_truth import Segmentation, VisibleBody
 from helios_sim.home import Home
+from helios_sim.mujoco_library import mujoco
 from helios_sim.renderer import CameraRenderer
 from helios_sim.robot_model import camera_pose
 

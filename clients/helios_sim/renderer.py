@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 from helios_core.errors import Unavailable
 from numpy.typing import NDArray
 
 from helios_sim.frustum_culling import Frustum
+from helios_sim.mujoco_library import mujoco, no_opengl
 
 _MAX_GEOMS = 5000  # must fit into two bytes of the segmentation image
 _HIDDEN_GROUP = 5
@@ -52,10 +52,7 @@ class CameraRenderer:
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
             from OpenGL import GL  # of the platform that MuJoCo has chosen by now
         except Exception as error:
-            raise Unavailable(
-                f"no OpenGL context ({error}); install libegl1 libegl-mesa0 libgl1-mesa-dri, or "
-                "libosmesa6 and set MUJOCO_GL=osmesa"
-            ) from error
+            raise no_opengl(error) from error
         self._gl: mujoco.GLContext | None = gl
         self._GL = GL
         if self._context.offSamples:

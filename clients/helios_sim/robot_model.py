@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from helios_core.geometry import Matrix, Pinhole
 from helios_core.types import RobotDescription
+
+from helios_sim.mujoco_library import mujoco
 
 BODY_RADIUS_M = 0.27
 BODY_BOTTOM_M = 0.01

@@ -11,10 +11,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from helios_sim.mujoco_library import mujoco
 from helios_sim.navigable_area import clearance_m
 from helios_sim.robot_model import BODY_BOTTOM_M, BODY_RADIUS_M, BODY_TOP_M, RobotIndex, add_robot
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-import mujoco
 import numpy as np
 from helios_core.geometry import Matrix, Pinhole, se2_to_se3
 from helios_core.robot import Capture
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from helios_sim.ground_truth import Segmentation
 from helios_sim.home import Home
+from helios_sim.mujoco_library import mujoco
 from helios_sim.odometry_drift import DriftingOdometry, Pose, moved
 from helios_sim.past_frame_truth import CaptureHistory
 from helios_sim.renderer import CameraRenderer

@@ -13,7 +13,6 @@ import uuid
 from collections import OrderedDict
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 from helios_core.errors import InvalidInput
 from helios_core.geometry import Matrix
@@ -36,6 +35,7 @@ from helios_sim.episode_tracker import EpisodeTracker
 from helios_sim.ground_truth import Segmentation, TrueObjectState
 from helios_sim.home import Episode, Home
 from helios_sim.manipulation import PickRule
+from helios_sim.mujoco_library import mujoco
 from helios_sim.object_states import current_object_states
 from helios_sim.odometry_drift import Pose
 from helios_sim.ovmm_metrics import Progress

@@ -125,7 +125,7 @@ class SpotCameras:
         shot = shots[0].shot
         T_vision_cam = pose(shot.transforms_snapshot, VISION, shot.frame_name_image_sensor)
         T_vision_upright = T_vision_cam @ mount.T_cam_upright
-        color = straight_color(mount, decode_color(shot.image))
+        color = straight_color(mount, decode_color(shot.image, self._names.color))
         depth_m = np.zeros(color.shape[:2], np.float32)
         if len(shots) == 2:
             depth_m = self._depth(shots[1], T_vision_upright)
@@ -190,28 +190,48 @@ def _is_pinhole(source: Any) -> bool:
     return source.WhichOneof("camera_models") == "pinhole"
 
 
-def decode_color(image: Any) -> NDArray[np.uint8]:
-    """RGB [h, w, 3]; grey images get three equal channels. Raises Unavailable if broken."""
+def decode_color(image: Any, name: str = "colour") -> NDArray[np.uint8]:
+    """RGB [h, w, 3]; grey images get three equal channels. name: of the image, for errors.
+
+    Raises Unavailable for a broken image, and a raw one that has not 1, 3 or 4 bytes per pixel.
+    """
     data = np.frombuffer(image.data, np.uint8)
+    rows, columns = image.rows, image.cols
     if image.format == image.FORMAT_RAW:
-        size = image.rows * image.cols
-        channels = data.size // size if size else 0
+        size = rows * columns
+        channels = next((c for c in (1, 3, 4) if size and data.size == c * size), 0)
         if not channels:
-            raise Unavailable("the robot sent a colour image that is too short; try again")
-        pixels = data[: size * channels].reshape(image.rows, image.cols, channels)
-        return np.ascontiguousarray(np.broadcast_to(pixels[..., :3], (*pixels.shape[:2], 3)))
+            raise Unavailable(
+                f"the robot sent the raw image {name!r} of {columns}x{rows} pixels as {data.size} "
+                f"bytes, wanted {size}, {3 * size} or {4 * size}; try again"
+            )
+        pixels = data.reshape(rows, columns, channels)
+        return np.ascontiguousarray(np.broadcast_to(pixels[..., :3], (rows, columns, 3)))
     as_stored = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION  # as depth and K
     bgr = cv2.imdecode(data, as_stored) if data.size else None
-    if bgr is None or bgr.shape[:2] != (image.rows, image.cols):
-        raise Unavailable("the robot sent a broken colour image; try again")
+    if bgr is None or bgr.shape[:2] != (rows, columns):
+        came = "no image" if bgr is None else f"an image of {bgr.shape[1]}x{bgr.shape[0]}"
+        raise Unavailable(
+            f"the robot sent the image {name!r} as {data.size} bytes that are {came}, wanted "
+            f"{columns}x{rows} pixels; try again"
+        )
     return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
 
 
 def decode_depth(response: Any) -> NDArray[np.float32]:
     """Depth [h, w] in metres; 0 is invalid. Raises Unavailable for a broken image."""
-    image, scale = response.shot.image, response.source.depth_scale
+    image, source = response.shot.image, response.source
+    size = image.rows * image.cols
+    if not size or len(image.data) != 2 * size:
+        raise Unavailable(
+            f"the robot sent the depth image {source.name!r} of {image.cols}x{image.rows} pixels "
+            f"as {len(image.data)} bytes, wanted {2 * size}; try again"
+        )
+    if not 0 < source.depth_scale < math.inf:
+        raise Unavailable(
+            f"the robot sent the depth image {source.name!r} with a scale of "
+            f"{source.depth_scale:g} units a metre, wanted a positive one; try again"
+        )
     values = np.frombuffer(image.data, "<u2")
-    if values.size != image.rows * image.cols or scale <= 0:
-        raise Unavailable("the robot sent a broken depth image; try again")
     values = np.where(values == BEYOND_U16, 0, values).reshape(image.rows, image.cols)
-    return (values / scale).astype(np.float32)
+    return (values / source.depth_scale).astype(np.float32)

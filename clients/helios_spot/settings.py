@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 from helios_core.errors import InvalidInput
+from helios_core.private_file import check_private
 from helios_core.settings import ServiceSettings, service_config
 from pydantic import Field, SecretStr
 
@@ -132,9 +133,10 @@ class SpotSettings(ServiceSettings):
         return settings
 
     def login(self) -> tuple[str, str]:
-        """Name and password. Raises InvalidInput when there are none."""
+        """Name and password. Raises InvalidInput when there are none, or others may read them."""
         if self.credentials_file is not None:
             try:
+                check_private(self.credentials_file)
                 lines = self.credentials_file.read_text().splitlines()
             except (OSError, UnicodeDecodeError) as error:
                 raise InvalidInput(

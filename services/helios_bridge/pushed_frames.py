@@ -108,10 +108,11 @@ class PushedFrameQueue:
         self._bus, self._driver, self._publisher, self._acks = bus, driver, publisher, acks
         self._turn = turn
         self._estimated_depth, self._threshold = estimated_depth, threshold
-        self._classes: tuple[str, ...] = ()
+        self._classes: tuple[str, ...] = ()  # of the present search, if a push began it
+        self._searches, self._id_stem = 0, f"push-{uuid.uuid4().hex[:8]}-"
         self._world = ("", 0, "")
         self._sought = threading.Event()  # set once there is a search context
-        bus.subscribe(CONTEXT, lambda _: self._sought.set())
+        bus.subscribe(CONTEXT, self._on_context)
 
     def push(self, request: pb.PushRequest, publish_state: Callable[[], None]) -> pb.PushReply:
         """Publish the frame as a keyframe and wait for the maps' acknowledgements.
@@ -150,15 +151,27 @@ class PushedFrameQueue:
         )
 
     def _look_for(self, classes: tuple[str, ...]) -> None:
+        """Begin a search for these classes, unless it is the present one; none: as before."""
         if not classes or classes == self._classes:
             return
+        self._searches += 1
         context = SearchContext(
-            id=f"push-{uuid.uuid4().hex[:8]}",
+            id=f"{self._id_stem}{self._searches}",
             classes=tuple(SearchClass(name, Role.WATCH, self._threshold) for name in classes),
         )
-        self._bus.publish(CONTEXT, context_to_proto(context))
-        self._classes = classes
+        self._classes = classes  # before it is published: another search may follow at once
+        try:
+            self._bus.publish(CONTEXT, context_to_proto(context))
+        except BaseException:
+            self._classes = ()
+            raise
         self._sought.set()
+
+    def _on_context(self, context: pb.SearchContext) -> None:
+        """Note a search; one of another client replaces that of the last push."""
+        self._sought.set()
+        if not context.id.startswith(self._id_stem):
+            self._classes = ()
 
 
 def refuse_push(robot: str) -> NoReturn:

@@ -18,8 +18,10 @@ import logging
 import os
 import queue
 import sys
+import threading
+import time
 from io import TextIOWrapper
-from logging.handlers import QueueListener, RotatingFileHandler
+from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,7 @@ from helios_core.errors import InvalidInput
 from helios_core.printable_text import printable
 from helios_core.private_file import FILE_MODE, check_private
 from starlette.datastructures import Headers
+from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from helios_gateway.api_keys import ApiKeys
@@ -41,6 +44,7 @@ KEPT_BYTES = 1000  # of a body, of an answer and of a path
 FILE_BYTES, OLD_FILES = 50_000_000, 4  # then a new file begins; so many old ones are kept
 KEYLESS_BYTES = 5_000_000  # the same for requests without a known key
 WAITING = 10_000  # lines that wait for the disk; further ones are lost, with an error in the log
+CLOSE_S = 0.5  # longest wait for the disk at the end, for each of the two files
 
 
 class AuditLog:
@@ -77,9 +81,9 @@ class _Lines:
                 f"the record {file} cannot be written ({error.strerror}); choose another with "
                 "--audit"
             ) from error
-        self._waiting: queue.Queue[logging.LogRecord] = queue.Queue(WAITING)
-        self._handler = handler
-        self._writer = QueueListener(self._waiting, handler)
+        self._file, self._handler = file, handler
+        self._waiting: queue.Queue[logging.LogRecord | None] = queue.Queue(WAITING)  # None: the end
+        self._writer = threading.Thread(target=self._write_all, name="audit", daemon=True)
         self._writer.start()
 
     def write(self, line: str) -> None:
@@ -89,8 +93,25 @@ class _Lines:
             log.error("the disk is too slow for the record of changes: a line is lost")
 
     def close(self) -> None:
-        self._writer.stop()
-        self._handler.close()
+        """Write what waits, for at most CLOSE_S; lines that remain are lost."""
+        until_s = time.monotonic() + CLOSE_S
+        try:
+            self._waiting.put(None, timeout=CLOSE_S)
+            self._writer.join(max(0.0, until_s - time.monotonic()))
+        except queue.Full:
+            pass
+        if self._writer.is_alive():
+            log.error(
+                "the disk is too slow for the record of changes: up to %d lines of %s are lost",
+                self._waiting.qsize(),
+                self._file,
+            )
+        else:
+            self._handler.close()
+
+    def _write_all(self) -> None:
+        while (record := self._waiting.get()) is not None:
+            self._handler.handle(record)
 
 
 class _File(RotatingFileHandler):
@@ -141,6 +162,11 @@ class AuditMiddleware:
         about = self._about(scope) | {"method": scope["method"]}
         try:
             await self._app(scope, noting_body, noting_answer)
+        except ClientDisconnect:
+            raise
+        except Exception:  # answered outside of this middleware
+            status = status or 500
+            raise
         finally:
             said = "" if scope["path"].rstrip("/") in WITH_SECRET else asked.text()
             self._write(about | {"request": said, "status": status, "answer": answer.text()})

@@ -113,9 +113,12 @@ def check(connection: HTTPConnection, needed: Scope) -> None:
     the gateway requires no keys.
     """
     keys = state_of(connection).keys
-    if not keys.required:
-        return
-    key = key_of(connection.scope, keys)
+    if keys.required:
+        check_scope(key_of(connection.scope, keys), needed)
+
+
+def check_scope(key: ApiKey | None, needed: Scope) -> None:
+    """Check that a key, as `key_of` found it, has the needed scope. Raises like `check`."""
     if key is None:
         raise Unauthorized(
             "no known API key came with the request; send Authorization: Bearer KEY, made with "

@@ -20,7 +20,7 @@ from helios_core.errors import (
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 
-from helios_gateway.request_validation import sentence
+from helios_gateway.request_validation import sentence, unreadable_body
 
 log = logging.getLogger(__name__)
 
@@ -127,12 +127,14 @@ def add_problems(app: FastAPI) -> None:
         assert isinstance(error, RequestValidationError)
         return problem(400, "invalid", "The request is wrong", sentence(request, error))
 
-    async def http(_: Request, error: Exception) -> JSONResponse:
+    async def http(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HTTPException)
         title = HTTPStatus(error.status_code).phrase
         detail = str(error.detail)
         if detail == title:
             detail = f"{title}: see /docs for the addresses and methods there are"
+        elif error.status_code == 400:  # the framework could not read the body
+            detail = unreadable_body(request, detail)
         kind = title.lower().replace(" ", "-")
         out = problem(error.status_code, kind, title, detail)
         out.headers.update(error.headers or {})

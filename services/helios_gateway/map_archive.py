@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import io
 import json
-import lzma
 import zipfile
 import zlib
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 
 from helios_core.errors import InvalidInput
+from helios_core.npz_reading import check_packing
 
 ABOUT = "helios-map.json"
 FORMAT = 1
@@ -19,7 +19,6 @@ OBJECTS = "objects.npz"
 _UNREADABLE = (  # RuntimeError: the ZIP is encrypted
     zipfile.BadZipFile,
     zlib.error,
-    lzma.LZMAError,
     EOFError,
     OSError,
     RuntimeError,
@@ -53,7 +52,8 @@ def packed(maps: MapFile, robot: str) -> bytes:
 def unpacked(data: bytes, most_bytes: int) -> MapFile:
     """Both maps from a file that `packed` made, also if somebody unpacked and repacked it.
 
-    Raises InvalidInput for another file, and one larger than `most_bytes` when unpacked.
+    Raises InvalidInput for another file, for one larger than `most_bytes` when unpacked, and for a
+    compression other than deflate: the size of its content is known only after unpacking.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -62,6 +62,9 @@ def unpacked(data: bytes, most_bytes: int) -> MapFile:
                 raise InvalidInput(
                     f"the file is a ZIP without {ABOUT}; send one that helios map save wrote"
                 )
+            check_packing(
+                entries.values(), "zip the files anew with deflate, or without compression"
+            )
             if sum(entry.file_size for entry in entries.values()) > most_bytes:
                 raise InvalidInput(f"the maps are larger than {most_bytes} bytes unpacked")
             about = json.loads(archive.read(entries[ABOUT]))

@@ -5,23 +5,26 @@ from __future__ import annotations
 import asyncio
 import ipaddress
 import re
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from helios_core.errors import HeliosError
 from starlette.datastructures import Headers
-from starlette.requests import ClientDisconnect, HTTPConnection
+from starlette.requests import ClientDisconnect
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from helios_gateway.api_keys import ApiKeys
+from helios_gateway.api_keys import ApiKey, ApiKeys
 from helios_gateway.api_keys import Scope as KeyScope
 from helios_gateway.audit_log import SAFE_METHODS
-from helios_gateway.dependencies import check, key_of
+from helios_gateway.dependencies import check_scope, key_of
 from helios_gateway.error_responses import problem, problem_of
 from helios_gateway.request_rate import RequestRate
 
+PROBES = ("/healthz", "/readyz")  # no limit applies; they read no body
+SIGN_IN = "/v1/session"  # needs no key: it brings one in its body, or removes the cookie
 # Paths below the root of a robot.
 UNLIMITED = ("/robot/stop",)  # no limit applies; the handler reads the body itself
 LARGE = ("/frames",)  # image bodies; at most `MOST_LARGE` at a time
@@ -36,7 +39,8 @@ STREAMS = (
     "/robot/teleop",
 )  # limited as open streams, not as concurrent requests
 # Counted apart from all others, so that nobody who only reads can block them.
-CONTROLS = re.compile(r"/robot/clear-stop|(?:/fleet)?/tasks/[^/]+/(?:cancel|pause|resume)")
+CLEAR_STOP = "/robot/clear-stop"
+CONTROLS = re.compile(rf"{CLEAR_STOP}|(?:/fleet)?/tasks/[^/]+/(?:cancel|pause|resume)")
 _LARGE_BODIES = {("POST", "/frames"): KeyScope.ROBOT, ("PUT", "/map.zip"): KeyScope.ADMIN}
 _ROBOT = re.compile(r"/v1(?:/robots/[^/]+)?(/.*)", re.DOTALL)
 
@@ -50,7 +54,7 @@ class LimitSettings:
     map_bytes: int  # of a map body
     body_s: float  # time limit for the arrival of a body
     requests_per_s: int  # per client
-    requests: int  # concurrent, of all clients; as many again to `CONTROLS`
+    requests: int  # concurrent; as many again to `CONTROLS`, and as many again without a key
     origins: tuple[str, ...] = ()  # other sites whose pages may use the API
 
     def of_body(self, method: str, path: str) -> tuple[int, float]:
@@ -63,52 +67,80 @@ class LimitSettings:
 class RequestLimits:
     """ASGI middleware that enforces `LimitSettings` and checks host and origin.
 
-    A body above the limit is never kept in memory, and a large one only with a sufficient key. A
-    page of another site (its `Origin` is neither this host nor in the list) may change nothing and
-    open no socket. If no key is required, the `Host` header must name this machine; this prevents
-    DNS rebinding.
+    A body above the limit is never kept in memory. If keys are required, no body is awaited before
+    its key is checked, and requests without a known key have places of their own: they cannot
+    occupy those of the others. A page of another site (its `Origin` is neither this host nor in the
+    list) may change nothing and open no socket. If no key is required, the `Host` header must name
+    this machine; this prevents DNS rebinding.
     """
 
     def __init__(self, app: ASGIApp, bounds: LimitSettings, keys: ApiKeys) -> None:
         self._app, self._bounds, self._keys = app, bounds, keys
         self._rate = RequestRate(bounds.requests_per_s)
-        self._running = self._controls = self._large = self._maps = 0
+        self._running: Counter[str] = Counter()  # by the names of `_places`
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
-        refusal = self._refusal(scope)
+        refusal = self._foreign(scope)
         if refusal is not None:
             await _refuse(refusal, scope, receive, send)
             return
-        path = _below_robot(scope)
-        control = scope["type"] == "http" and CONTROLS.fullmatch(path) is not None
-        counted = not control and path not in (*STREAMS, *UNLIMITED)
-        large = path in LARGE
-        a_map = path in MAPS
-        for refused, running in (
-            (counted and self._running >= self._bounds.requests, self._running),
-            (control and self._controls >= self._bounds.requests, self._controls),
-            (large and self._large >= MOST_LARGE, self._large),
-            (a_map and self._maps >= 1, self._maps),
-        ):
-            if refused:
-                await _refuse(_busy(running), scope, receive, send)
+        if scope["path"] in PROBES or _below_robot(scope) in UNLIMITED:
+            await self._app(scope, receive, send)
+            return
+        key = key_of(scope, self._keys) if self._keys.required else None
+        client = f"key {key.name}" if key else f"host {(scope.get('client') or ('',))[0]}"
+        if not self._rate.allows(client):
+            await _refuse(self._too_many(), scope, receive, send)
+            return
+        try:
+            self._check_key(scope, key)
+        except HeliosError as error:
+            await _refuse_body(problem_of(error), scope, receive, send)
+            return
+        places = self._places(scope, key)
+        for place in places:
+            most = {"large": MOST_LARGE, "maps": 1}.get(place, self._bounds.requests)
+            if self._running[place] >= most:
+                await _refuse(_busy(self._running[place]), scope, receive, send)
                 return
-        self._running += counted
-        self._controls += control
-        self._large += large
-        self._maps += a_map
+        self._running.update(places)
         try:
             await self._with_body(scope, receive, send)
         finally:
-            self._running -= counted
-            self._controls -= control
-            self._large -= large
-            self._maps -= a_map
+            self._running.subtract(places)
 
-    def _refusal(self, scope: Scope) -> JSONResponse | None:
+    def _check_key(self, scope: Scope, key: ApiKey | None) -> None:
+        """Check the key of a request with a body. Raises Unauthorized and Forbidden.
+
+        The endpoints check the scope again, and that of all other requests.
+        """
+        if not self._keys.required or not _has_body(scope) or scope["path"].rstrip("/") == SIGN_IN:
+            return
+        path = _below_robot(scope)
+        needed = _LARGE_BODIES.get((scope["method"], path), KeyScope.READ)
+        if CONTROLS.fullmatch(path):
+            needed = KeyScope.ROBOT if path == CLEAR_STOP else KeyScope.TASK
+        check_scope(key, needed)
+
+    def _places(self, scope: Scope, key: ApiKey | None) -> list[str]:
+        """Names of the limits on concurrent requests to which this one counts."""
+        path = _below_robot(scope)
+        if path in STREAMS:
+            return []
+        if scope["type"] == "http" and CONTROLS.fullmatch(path):
+            return ["controls"]
+        out = ["keyless" if self._keys.required and key is None else "requests"]
+        if path in LARGE:
+            out.append("large")
+        if path in MAPS:
+            out.append("maps")
+        return out
+
+    def _foreign(self, scope: Scope) -> JSONResponse | None:
+        """Refusal of a foreign host or origin; None if both may ask."""
         headers = Headers(scope=scope)
         host = headers.get("host", "")
         if not self._keys.required and not _is_this_machine(host):
@@ -128,12 +160,9 @@ class RequestLimits:
                 f"a page of {origin[:200]} asked; only the dashboard's own page may, and those of "
                 "--origins",
             )
-        if _below_robot(scope) in UNLIMITED:
-            return None
-        key = key_of(scope, self._keys) if self._keys.required else None
-        client = f"key {key.name}" if key else f"host {(scope.get('client') or ('',))[0]}"
-        if self._rate.allows(client):
-            return None
+        return None
+
+    def _too_many(self) -> JSONResponse:
         out = problem(
             429,
             "too-many",
@@ -152,18 +181,10 @@ class RequestLimits:
         return site == host or origin in self._bounds.origins
 
     async def _with_body(self, scope: Scope, receive: Receive, send: Send) -> None:
-        path = _below_robot(scope)
-        if scope["type"] == "websocket" or scope["method"] in SAFE_METHODS or path in UNLIMITED:
+        if not _has_body(scope):
             await self._app(scope, receive, send)
             return
-        needed = _LARGE_BODIES.get((scope["method"], path))
-        if needed is not None:  # without the key the body is not kept
-            try:
-                check(HTTPConnection(scope), needed)
-            except HeliosError as error:
-                await _refuse_body(problem_of(error), scope, receive, send)
-                return
-        limit, within_s = self._bounds.of_body(scope["method"], path)
+        limit, within_s = self._bounds.of_body(scope["method"], _below_robot(scope))
         try:
             async with asyncio.timeout(within_s):
                 body = await _body(receive, limit)
@@ -211,6 +232,11 @@ async def _body(receive: Receive, limit: int) -> bytes | None:
             return None
         if not message.get("more_body", False):
             return bytes(body)
+
+
+def _has_body(scope: Scope) -> bool:
+    """True for a request that may change something; the body of another one is not read."""
+    return scope["type"] == "http" and scope["method"] not in SAFE_METHODS
 
 
 def _below_robot(scope: Scope) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 from fastapi import Request
 from fastapi.exceptions import RequestValidationError
+from fastapi.params import Form
 from fastapi.routing import APIRoute
 from helios_core.printable_text import plain_error, printable
 from pydantic import BaseModel
@@ -32,6 +33,20 @@ def sentence(request: Request, error: RequestValidationError) -> str:
     said = "; ".join(_said(e, _field(route, e["loc"])) for e in found)
     example = _example(route) if any(e["loc"][:1] == ("body",) for e in found) else ""
     return f"{said}; for example {example}" if example else said
+
+
+def unreadable_body(request: Request, why: str) -> str:
+    """Sentence for a body that the framework could not parse. why: in its words."""
+    came = _came(request.headers.get("content-type", ""))
+    said = f"the body cannot be read ({why.rstrip('.')}); it came with content-type {came}"
+    route = request.scope.get("route")
+    if not isinstance(route, APIRoute) or route.body_field is None:
+        return f"{said}; see /docs for what to send"
+    if isinstance(route.body_field.field_info, Form):
+        names = ", ".join(field.alias for field in route.dependant.body_params)
+        return f"{said}; send {names} as multipart/form-data with a boundary, as curl -F does"
+    example = _example(route)
+    return f"{said}; send a JSON object{example and f' such as {example}'}, {JSON_HEADER}"
 
 
 def errors_text(errors: Sequence[Mapping[str, Any]]) -> str:

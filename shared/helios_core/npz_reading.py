@@ -1,9 +1,10 @@
-"""Reading of external NPZ files, with a check of their unpacked size before unpacking."""
+"""Reading of external ZIP and NPZ files, with a check of their size before unpacking."""
 
 from __future__ import annotations
 
 import io
 import zipfile
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,24 @@ from helios_core.errors import InvalidInput
 
 # Enough for 64 million cells with two value layers, or a million Gaussians with 32 classes.
 MOST_BYTES = 2 * 2**30
+# With these two methods zipfile reads no more than a member's size; with others, whole blocks.
+PACKED_AS = {zipfile.ZIP_STORED: "stored", zipfile.ZIP_DEFLATED: "deflated"}
+
+
+def check_packing(members: Iterable[zipfile.ZipInfo], remedy: str) -> None:
+    """Check that the sizes that a ZIP declares limit what its members unpack to.
+
+    remedy: end of the message of the InvalidInput that it raises for any other compression.
+    """
+    for member in members:
+        if member.compress_type not in PACKED_AS:
+            raise InvalidInput(
+                f"{member.filename[:80]!r} of the file is compressed by ZIP method "
+                f"{member.compress_type}; wanted {' or '.join(PACKED_AS.values())}: {remedy}"
+            )
+
+
+_REPACK = "write it anew with numpy.savez, or save the map again"
 
 
 def unpacked(data: bytes, most_bytes: int = MOST_BYTES) -> dict[str, NDArray]:
@@ -30,12 +49,7 @@ def unpacked(data: bytes, most_bytes: int = MOST_BYTES) -> dict[str, NDArray]:
             f"the file has {len(data)} bytes and unpacks to {holds}, wanted at most {most_bytes}: "
             "give a file that HELIOS saved, or a smaller map"
         )
-    # With these two methods zipfile reads no more than a member's size; with others, whole blocks.
-    if any(m.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for m in members):
-        raise InvalidInput(
-            "the file is packed otherwise than numpy packs: write it anew with numpy.savez, or "
-            "save the map again"
-        )
+    check_packing(members, _REPACK)
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         return {name: file[name] for name in file.files}
 
@@ -43,8 +57,8 @@ def unpacked(data: bytes, most_bytes: int = MOST_BYTES) -> dict[str, NDArray]:
 def one_array(data: bytes, name: str, most_bytes: int) -> NDArray:
     """One array of an NPZ; the others are not unpacked.
 
-    Raises InvalidInput if it unpacks to more than `most_bytes`. A damaged file, or one without it,
-    raises the exceptions of zipfile and numpy.
+    Raises InvalidInput if it unpacks to more than `most_bytes`, or if the compression is not one of
+    numpy's. A damaged file, or one without it, raises the exceptions of zipfile and numpy.
     """
     with zipfile.ZipFile(io.BytesIO(data)) as file:
         member = file.getinfo(f"{name}.npy")
@@ -53,4 +67,5 @@ def one_array(data: bytes, name: str, most_bytes: int) -> NDArray:
                 f"array {name} of the file unpacks to {member.file_size} bytes, wanted at most "
                 f"{most_bytes}: give a file that HELIOS saved"
             )
+        check_packing([member], _REPACK)
         return np.lib.format.read_array(io.BytesIO(file.read(member)), allow_pickle=False)

@@ -86,3 +86,9 @@ def test_all_state_lies_in_the_folder_that_the_unit_may_write() -> None:
     ]
     assert len(folders) == 8
     assert all(folder.startswith("/var/lib/helios/") for folder in folders)
+
+
+def test_a_service_may_open_the_devices_of_the_machine() -> None:
+    """ProtectClock closes /dev before systemd 253, which Ubuntu 22.04 lacks."""
+    closing = {"PrivateDevices", "ProtectClock", "DevicePolicy", "DeviceAllow"}
+    assert closing.isdisjoint(unit("helios@.service")["Service"])

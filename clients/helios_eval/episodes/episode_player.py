@@ -33,6 +33,7 @@ from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec
 from helios_eval.episodes.failure_snapshot import FailureSnapshot, MarkedObject
 from helios_eval.episodes.in_process_stack import InProcessStack
 from helios_eval.episodes.timed_world import TimedWorld
+from helios_eval.episodes.worker import as_in_a_worker
 
 BELIEFS_EVERY = 20  # steps
 LONGEST_S = 7200.0  # after this a stuck episode ends as a system error
@@ -114,17 +115,23 @@ def running_stack(
 ) -> Iterator[tuple[WorldThread, InProcessStack]]:
     """World of an episode and stack of its agent, for the duration of the block.
 
-    colored: as for `World`. Raises HeliosError.
+    colored: as for `World`. Variables HELIOS_... have no effect. Raises HeliosError.
     """
-    home = home_presets.home_of(spec.preset, spec.seed, spec.inputs.plans)
-    thread = WorldThread(lambda: make_world(spec, home, colored))
-    try:
-        with InProcessStack(
-            thread, spec.agent, spec.noise, spec.seed, spec.settings, detector=spec.inputs.detector
-        ) as stack:
-            yield thread, stack
-    finally:
-        thread.close()
+    with as_in_a_worker():
+        home = home_presets.home_of(spec.preset, spec.seed, spec.inputs.plans)
+        thread = WorldThread(lambda: make_world(spec, home, colored))
+        try:
+            with InProcessStack(
+                thread,
+                spec.agent,
+                spec.noise,
+                spec.seed,
+                spec.settings,
+                detector=spec.inputs.detector,
+            ) as stack:
+                yield thread, stack
+        finally:
+            thread.close()
 
 
 def _timed_world(world: object) -> TimedWorld:

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Literal
 
-from helios_core.errors import InvalidInput
+from helios_core.errors import InvalidInput, Unavailable
 from helios_sim.failure_causes import OBJECT_NOT_FOUND, SYSTEM_ERROR
 from helios_sim.objectnav_metrics import spl
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -134,8 +134,8 @@ class EpisodeRecord(_Frozen):
     picks: int = Field(description="picks that were tried, right or wrong")
     wrong_picks: int | None = Field(
         default=None,
-        description="picks that took an object of another class, which the robot so disturbed; "
-        "None in records that lack it",
+        description="picks that took an object that is no candidate, of another class or from "
+        "another receptacle, which the robot so disturbed; None in records that lack it",
     )
     cause: str = Field(description="of failure, closed list; empty on success")
 
@@ -236,20 +236,34 @@ def read(folder: Path) -> list[EpisodeRecord]:
     """Episodes of a folder; of several records with one key the last.
 
     Packed episodes come first, then those of a run that continued from them. Torn lines are left
-    out, so these episodes run again. Raises InvalidInput for a line that is not an episode.
+    out, so these episodes run again. Raises InvalidInput for a line that is not an episode, and
+    Unavailable for a file that cannot be read.
     """
     path, packed = folder / EPISODES, folder / PACKED
     found: dict[str, EpisodeRecord] = {}
-    if packed.exists():
-        found |= {r.key: r for r in _parsed(packed, _unpacked(packed).split(b"\n"))}
-    if path.exists():
-        found |= {r.key: r for r in _parsed(path, path.read_bytes().split(b"\n"))}
+    if (small := content_of(packed)) is not None:
+        found |= {r.key: r for r in _parsed(packed, _unpacked(packed, small).split(b"\n"))}
+    if (lines := content_of(path)) is not None:
+        found |= {r.key: r for r in _parsed(path, lines.split(b"\n"))}
     return list(found.values())
 
 
-def _unpacked(path: Path) -> bytes:
+def content_of(path: Path) -> bytes | None:
+    """Content of a file; None without the file. Raises Unavailable if it cannot be read."""
     try:
-        return gzip.decompress(path.read_bytes())
+        return path.read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        raise Unavailable(
+            f"{path} cannot be read ({error.strerror or error}); make it a readable file, then "
+            "give the same command again"
+        ) from error
+
+
+def _unpacked(path: Path, content: bytes) -> bytes:
+    try:
+        return gzip.decompress(content)
     except (OSError, EOFError, zlib.error) as error:
         raise InvalidInput(f"{path} is damaged ({error}); take another copy") from error
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import tempfile
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -111,50 +112,47 @@ class InProcessStack:
         ground-truth semantics. settings: those that differ from the agent's own. on_step: called
         after each action, when every map holds the keyframe; it may query the stack. detector: the
         model of the detections; None for the simulated one. on_decision: called with each
-        decision of the planner.
+        decision of the planner. A stack that cannot open leaves nothing. Raises HeliosError.
         """
         settings = of_stack(agent, settings)
-        self._folder = tempfile.TemporaryDirectory(prefix="helios-eval-")
         self._ended = threading.Event()
         self._hub = MemoryHub(uncopied=frozenset({KEYFRAME, OBSERVATION}))
         self._bus = MemoryBus(self._hub)
         self.healths = {
             name: Health() for name in ("bridge", "detector", "objectmap", "map2d", "planner")
         }
-
-        def bus() -> MemoryBus:
-            return MemoryBus(self._hub)
-
-        kernel_compilation.warm_up()
-        # The services receive a keyframe in this order: 2D map, then detector and its subscribers.
-        map2d = Map2DSettings(**of_service("map2d", settings))
-        self._map2d = Map2DService(bus(), map2d, self.healths["map2d"])
-        objects = ObjectMapSettings(**of_service("objectmap", settings))
-        self._objectmap = ObjectMapService(bus(), objects, self.healths["objectmap"])
-        self._objectmap.warm_up()
-        models = _models(world, noise, seed, settings, detector)
-        models.warm_up()
-        self._detector = DetectorService(
-            bus(),
-            models.detector,
-            models.scorer,
-            self.healths["detector"],
-            models.depth,
-            previews=False,
-        )
-        self._bridge = BridgeService(
-            bus(),
-            world,
-            BRIDGE,
-            self.healths["bridge"],
-            first_number=0,
-        )
-        planner = _planner_settings(Path(self._folder.name), agent, seed, settings)
-        self._planner = PlannerService(bus(), planner, self.healths["planner"])
-        self._bus.subscribe(TASK, self._on_task)
-        self._bus.subscribe(DECISION, on_decision)
         self._on_step, self._last_seq = on_step, 0
-        self._bus.subscribe(ROBOT_STATE, self._on_state)
+        kernel_compilation.warm_up()
+        with ExitStack() as opened:
+            folder = opened.enter_context(tempfile.TemporaryDirectory(prefix="helios-eval-"))
+            opened.callback(self._bus.close)
+            # The services receive a keyframe in this order: 2D map, then detector and its
+            # subscribers.
+            self._open_maps(opened, settings)
+            models = _models(world, noise, seed, settings, detector)
+            opened.callback(models.close)
+            models.warm_up()
+            health = self.healths["detector"]
+            DetectorService(
+                self.bus(), models.detector, models.scorer, health, models.depth, previews=False
+            )
+            BridgeService(self.bus(), world, BRIDGE, self.healths["bridge"], first_number=0)
+            planner = _planner_settings(Path(folder), agent, seed, settings)
+            service = PlannerService(self.bus(), planner, self.healths["planner"])
+            opened.callback(service.close)
+            self._bus.subscribe(TASK, self._on_task)
+            self._bus.subscribe(DECISION, on_decision)
+            self._bus.subscribe(ROBOT_STATE, self._on_state)
+            self._opened = opened.pop_all()
+
+    def _open_maps(self, opened: ExitStack, settings: Mapping[str, Setting]) -> None:
+        map2d = Map2DSettings(**of_service("map2d", settings))
+        self._map2d = Map2DService(self.bus(), map2d, self.healths["map2d"])
+        opened.callback(self._map2d.close)
+        objects = ObjectMapSettings(**of_service("objectmap", settings))
+        service = ObjectMapService(self.bus(), objects, self.healths["objectmap"])
+        opened.callback(service.close)
+        service.warm_up()
 
     def run(self, instruction: str, max_steps: int, within_s: float) -> pb.Task:
         """Run a task to its end and return it.
@@ -195,12 +193,8 @@ class InProcessStack:
         }
 
     def close(self) -> None:
-        """End the services; the world stays open."""
-        self._planner.close()
-        self._map2d.close()
-        self._detector.close()
-        self._bus.close()
-        self._folder.cleanup()
+        """End the services, each also if another cannot end; the world stays open."""
+        self._opened.close()
 
     def __enter__(self) -> Self:
         return self
@@ -247,13 +241,17 @@ def _models(
         options = DetectorOptions(
             options.truth, 1, noise.table, seed, noise.level, noise.correlation
         )
-    detector = open_detector(name, options)
-    if noise is not None and not detector.name.endswith(noise.digest):
-        raise Unavailable(
-            f"the noise table {noise.table} has changed since the run began (then {noise.digest}, "
-            f"now {detector.name}); give the command again, into another folder"
-        )
-    return Models(detector, open_scorer(s.scorer, options))
+    with ExitStack() as opened:
+        detector = open_detector(name, options)
+        opened.callback(detector.close)
+        if noise is not None and not detector.name.endswith(noise.digest):
+            raise Unavailable(
+                f"the noise table {noise.table} has changed since the run began (then "
+                f"{noise.digest}, now {detector.name}); give the command again, into another folder"
+            )
+        models = Models(detector, open_scorer(s.scorer, options))
+        opened.pop_all()
+    return models
 
 
 def _planner_settings(

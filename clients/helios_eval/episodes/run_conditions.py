@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from importlib import resources
 from pathlib import Path
 from typing import get_args
 
 from helios_client.usage_errors import UsageError
 from helios_core.errors import InvalidInput
 from helios_core.name_rules import same_name
+from helios_core.plugins import SCORERS, check_there, find
+from helios_detector.model_loading import open_scorer
+from helios_detector.simulation.view_scorer import DEFAULT_TABLE, load_scorer_table
+from helios_objectmap import error_model
 from helios_sim.manipulation import PICK_RULES
 from helios_sim.sensor_noise import SENSORS
 
@@ -19,6 +25,9 @@ from helios_eval.episodes.episode_spec import EpisodeInputs
 from helios_eval.episodes.plan_homes import PlanHomes, plan_homes
 from helios_eval.episodes.real_detector import real_detector
 from helios_eval.episodes.task_classes import task_classes_for
+
+ERROR_MODEL = "objectmap.error_model"  # setting that names a file, as SCORER may
+_DIGITS = 16  # hex digits of a digest
 
 
 @dataclass(frozen=True)
@@ -58,7 +67,8 @@ def parse_condition(
     that `assignments` name, else the evaluation's default; pick_rule: one of PICK_RULES, in any
     letter case; absent: share of the homes whose task asks for an absent object, 0 to 1; detector:
     the real one of semantics "detector"; task_classes: see `task_classes_for`; homes: plan file or
-    folder instead of a preset, home_level: the level in it. Raises UsageError."""
+    folder instead of a preset, home_level: the level in it. Raises UsageError, also if the scorer
+    or the error model cannot be used."""
     known_benchmark = next((b for b in get_args(Benchmark) if b == benchmark), None)
     said = same_name(semantics, get_args(Semantics))
     known_semantics = next((s for s in get_args(Semantics) if s == said), None)
@@ -83,17 +93,75 @@ def parse_condition(
     default_scorer = episode_spec.REAL_SCORER if inputs.detector else episode_spec.DEFAULT_SCORER
     if scorer is not None or episode_spec.SCORER not in settings:
         settings |= service_settings.parsed([f"{episode_spec.SCORER}={scorer or default_scorer}"])
-    noise: Noise | None = None
-    if known_semantics == "noisy":
-        try:
-            noise = episode_spec.noise_of(
-                table or home_presets.noise_of(preset), level, correlation
-            )
-        except InvalidInput as error:
-            raise UsageError(error.message) from error
+    setting_files(known_agents, settings)
+    noisy = known_semantics == "noisy"
+    noise = _noise(table or home_presets.noise_of(preset), level, correlation) if noisy else None
     return Condition(
         known_agents, known_benchmark, known_semantics, preset, noise, settings, inputs
     )
+
+
+def _noise(table: str, level: float, correlation: float | None) -> Noise:
+    """Noise of the flags. Raises UsageError."""
+    try:
+        return episode_spec.noise_of(table, level, correlation)
+    except InvalidInput as error:
+        raise UsageError(error.message) from error
+
+
+def setting_files(agents: Iterable[str], settings: Mapping[str, Setting]) -> dict[str, str]:
+    """Digests of the files that the settings of these agents' stacks name: the table of a simulated
+    scorer, and an error model. By "setting=value"; 16 hex digits.
+
+    Raises UsageError for a file that cannot be used, and for an unknown scorer.
+    """
+    digests: dict[str, str] = {}
+    for agent in agents:
+        stack = service_settings.of_stack(agent, settings)
+        for setting, digest_of in ((episode_spec.SCORER, _scorer), (ERROR_MODEL, _error_model)):
+            value = str(stack.get(setting, ""))
+            try:
+                digest = digest_of(value) if value else ""
+            except InvalidInput as error:
+                raise UsageError(f"{setting} is {value!r}: {error.message}") from error
+            if digest:
+                digests[f"{setting}={value}"] = digest
+    return digests
+
+
+def setting_file_names(stack: Mapping[str, Setting]) -> list[str]:
+    """Keys of `setting_files` that the settings of a stack can have."""
+    return [f"{name}={stack[name]}" for name in (episode_spec.SCORER, ERROR_MODEL) if name in stack]
+
+
+def _scorer(spec: str) -> str:
+    """Digest of a simulated scorer's table; empty for another scorer, whose model is not opened.
+
+    Raises InvalidInput for an unknown scorer and for a table that cannot be used.
+    """
+    kind, _, argument = spec.partition(":")
+    if kind == "simulated":
+        return load_scorer_table(argument or DEFAULT_TABLE)[1]
+    if spec in ("lexical", "minilm") or (kind == "transformers" and argument):
+        return ""
+    if find(SCORERS, spec) is None:
+        open_scorer(spec).close()  # raises InvalidInput that names the known scorers
+    check_there(SCORERS, spec)
+    return ""
+
+
+def _error_model(name: str) -> str:
+    """Digest of the file of an error model. Raises InvalidInput if it cannot be used."""
+    error_model.opened(name)
+    if name in error_model.shipped_models():
+        file = resources.files(error_model.PACKAGE).joinpath("error_models", f"{name}.json")
+    else:
+        file = Path(name).expanduser()
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise InvalidInput(f"{name} cannot be read ({error}); give a file that is there") from error
+    return hashlib.sha256(data).hexdigest()[:_DIGITS]
 
 
 def _plans(preset: str, homes: Path | None, level: str) -> PlanHomes | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 from helios_client.usage_errors import UsageError
 from helios_core.agent_presets import settings_for
@@ -132,13 +132,16 @@ def _hint(field: str) -> str:
 
 
 def _value(service: str, field: str, text: str) -> object:
-    """Text converted to the type of the setting; a tuple as "0.1,0.2"."""
+    """Text converted to the type of the setting; a tuple as "0.1,0.2".
+
+    "none" is None where the setting may be None, and a word elsewhere.
+    """
     info = SERVICES[service].model_fields[field]
     adapter: TypeAdapter[object] = TypeAdapter(cast(Any, info.annotation))
     given: object = text
     if str(info.annotation).startswith("tuple"):
         given = tuple(part.strip() for part in text.split(","))
-    elif text.lower() == "none":
+    elif text.lower() == "none" and type(None) in get_args(info.annotation):
         given = None
     try:
         value = adapter.validate_python(given)

@@ -9,7 +9,8 @@ import logging
 import os
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection, wait
@@ -33,7 +34,7 @@ ONE_THREAD: dict[str, str] = dict.fromkeys(_COUNTS, "1")
 
 def prepare() -> None:
     """Limit libraries to one thread, and remove service settings from the environment."""
-    for name in [name for name in os.environ if name.startswith("HELIOS_")]:
+    for name in _service_variables():
         del os.environ[name]
     os.environ.update(ONE_THREAD)
     logging.basicConfig(
@@ -42,6 +43,26 @@ def prepare() -> None:
     import cv2
 
     cv2.setNumThreads(1)
+
+
+@contextmanager
+def as_in_a_worker() -> Iterator[None]:
+    """Hide service settings in the environment for the duration of the block, and limit OpenCV to
+    one thread: an episode in this process is then that of a worker."""
+    import cv2
+
+    hidden = {name: os.environ.pop(name) for name in _service_variables()}
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(threads)
+        os.environ.update(hidden)
+
+
+def _service_variables() -> list[str]:
+    return [name for name in os.environ if name.startswith("HELIOS_")]
 
 
 @dataclass(frozen=True)

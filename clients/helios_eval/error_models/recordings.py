@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,34 +60,34 @@ def look_at_recordings(
     Raises InvalidInput, in one sentence, and Unavailable.
     """
     opened, asked, name, context = None, (), "", SearchContext("calibrate", ())
-    if detector != RECORDED:
-        opened = open_detector(detector, DetectorOptions(threads=threads))
-        opened.warm_up()
-        context = arm_of(detector, HOUSEHOLD_NAMES, opened.vocabulary()).context
-        asked, name = tuple(c.name for c in context.classes), opened.name
     things: list[NamedThing] = []
     views, repeats = 0, nothing()
-    for scene, path in enumerate(paths):
-        source = open_source(path)
-        log, images = SceneLog(settings), list[LoggedImage]()
-        if opened is None:
-            name = _same_detector(name, _recorded_detector(source, path), path)
-        every = max(1, len(source.shots) // MOST_COMPARED)
-        for n, frame in _frames(source, log):
+    with ExitStack() as at_end:
+        if detector != RECORDED:
+            options = DetectorOptions(threads=threads)
+            opened = at_end.enter_context(closing(open_detector(detector, options)))
+            opened.warm_up()
+            context = arm_of(detector, HOUSEHOLD_NAMES, opened.vocabulary()).context
+            asked, name = tuple(c.name for c in context.classes), opened.name
+        for scene, path in enumerate(paths):
+            source = open_source(path)
+            log, images = SceneLog(settings), list[LoggedImage]()
             if opened is None:
-                found = _recorded(source, n, frame)
-            else:
-                found = opened.detect(frame, context).detections
-            log.add(frame, found)
-            if n % every == 0:
-                images.append(logged(frame, found))
-        repeats = repeats + repeat_rates(images)
-        here = list(log.found_things(scene))
-        things += with_places(here, places)
-        views += len(log)
-        say(f"{path}: {len(log)} views of {len(source.shots)} images, {len(here)} things")
-    if opened is not None:
-        opened.close()
+                name = _same_detector(name, _recorded_detector(source, path), path)
+            every = max(1, len(source.shots) // MOST_COMPARED)
+            for n, frame in _frames(source, log):
+                if opened is None:
+                    found = _recorded(source, n, frame)
+                else:
+                    found = opened.detect(frame, context).detections
+                log.add(frame, found)
+                if n % every == 0:
+                    images.append(logged(frame, found))
+            repeats = repeats + repeat_rates(images)
+            here = list(log.found_things(scene))
+            things += with_places(here, places)
+            views += len(log)
+            say(f"{path}: {len(log)} views of {len(source.shots)} images, {len(here)} things")
     return RecordedSightings(name, asked, tuple(things), repeats, views)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 
 os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported; needs no display
@@ -52,25 +53,25 @@ def look_at_homes(
     """Look around objects of homes, as the study of detector errors does. Raises InvalidInput."""
     vocabulary = None
     if not detector.startswith(SIMULATED):
-        vocabulary = open_detector(detector, DetectorOptions(threads=threads)).vocabulary()
+        with closing(open_detector(detector, DetectorOptions(threads=threads))) as asked_for:
+            vocabulary = asked_for.vocabulary()
     classes = known_classes(preset, vocabulary)
     arm = arm_of(detector, sorted({*classes, *HOUSEHOLD_NAMES}), vocabulary)
     right = {c: tuple(sorted(names)) for c, names in arm.log.right.items() if names}
     name, views, true, found = detector, 0, [], []
     for seed in seeds:
         truth, log, class_of = CurrentTruth(), SceneLog(settings), {}
-        opened_detector = opened(detector, truth, seed, threads)
-        name = opened_detector.name
-        for image in images_of(generate_home(seed, PRESETS[preset]), classes, things):
-            truth.current = image.truth
-            said = opened_detector.detect(image.frame, arm.context).detections
-            pose = image.frame.T_world_cam
-            arm.log.add(seed, image.viewpoint.view, pose, image.things, said)
-            if log.takes(pose):
-                log.add(image.frame, said)
-            log.add_surface(image.frame, _masks(image.truth, {t.name for t in image.things}))
-            class_of |= {t.name: t.class_name for t in image.things}
-        opened_detector.close()
+        with closing(opened(detector, truth, seed, threads)) as model:
+            name = model.name
+            for image in images_of(generate_home(seed, PRESETS[preset]), classes, things):
+                truth.current = image.truth
+                said = model.detect(image.frame, arm.context).detections
+                pose = image.frame.T_world_cam
+                arm.log.add(seed, image.viewpoint.view, pose, image.things, said)
+                if log.takes(pose):
+                    log.add(image.frame, said)
+                log.add_surface(image.frame, _masks(image.truth, {t.name for t in image.things}))
+                class_of |= {t.name: t.class_name for t in image.things}
         names = {t: right[c] for t, c in class_of.items() if c in right}
         true += log.true_things(seed, names)
         found += log.found_things(seed)

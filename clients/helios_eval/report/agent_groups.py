@@ -6,8 +6,10 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from helios_eval.episodes import home_presets
 from helios_eval.episodes.episode_record import EpisodeRecord, Noise, Setting
 from helios_eval.episodes.episode_spec import (
+    CONDITIONS,
     DETECTOR,
     MAX_STEPS,
     SENSOR,
@@ -79,6 +81,16 @@ class Arm:
         )  # fmt: skip
 
     @property
+    def own_settings(self) -> dict[str, Setting]:
+        """Settings of the method, without those of homes and camera, which all agents share."""
+        return {k: v for k, v in self.settings if k not in CONDITIONS}
+
+    @property
+    def played(self) -> tuple[EpisodeRecord, ...]:
+        """Records without the episodes that could not be played."""
+        return tuple(r for r in self.records if r.was_played)
+
+    @property
     def scorer(self) -> str:
         """Name of the image-text scorer."""
         return scorer_of(dict(self.settings))
@@ -107,7 +119,17 @@ class Arm:
         """Sort key that puts the arm that represents its agent first."""
         level = abs(self.noise.level - 1) if self.noise else 0.0
         drawn = self.noise is not None and self.noise.correlation is not None
-        return (len(self.settings), level, drawn, -len(self.records), self.preset)
+        other = has_other_table(self)
+        return (len(self.settings), other, level, drawn, -len(self.records), self.preset)
+
+    def noise_key(self) -> tuple[object, ...]:
+        """Sort key that puts the noise nearest to the preset's first."""
+        return self.sort_key()[1:4]
+
+
+def has_other_table(arm: Arm) -> bool:
+    """True if the noise of an arm is not of its preset's table."""
+    return arm.noise is not None and arm.noise.table != home_presets.noise_of(arm.preset)
 
 
 def arms_of(
@@ -204,7 +226,7 @@ def noise_parts(noise: Noise) -> list[str]:
 
 def plainest_arms(arms: Sequence[Arm], most: int) -> list[Arm]:
     """The `most` plainest arms, in the given order, for a drawing."""
-    plain = sorted(arms, key=lambda a: a.sort_key()[:3])[:most]
+    plain = sorted(arms, key=lambda a: (len(a.settings), *a.noise_key()))[:most]
     return [arm for arm in arms if arm in plain]
 
 
@@ -225,9 +247,29 @@ def plain_arm(arms: Sequence[Arm], benchmark: str, agent: str, semantics: str) -
     sizes = Counter[tuple[object, ...]]()
     for arm in same:
         sizes[arm.condition] += len(arm.records)
-    main = min(same, key=lambda a: (a.sort_key()[1:3], -sizes[a.condition])).condition
+    main = min(same, key=lambda a: (a.noise_key(), -sizes[a.condition])).condition
     found = [a for a in same if a.agent == agent and a.condition == main]
     return min(found, key=Arm.sort_key, default=None)
+
+
+def comparable(first: Arm, second: Arm) -> bool:
+    """True if two arms differ at most in the agent, and in the semantics with their noise."""
+    if first.semantics == second.semantics and first.noise != second.noise:
+        return False
+    moved = replace(first, semantics=second.semantics, noise=second.noise)
+    return moved.condition == second.condition and first.own_settings == second.own_settings
+
+
+def plain_arm_like(arms: Sequence[Arm], main: Arm, agent: str, semantics: str) -> Arm | None:
+    """Arm that represents an agent beside `main`, and is comparable with it, or None.
+
+    It is the agent's plain arm, or the plainest that is comparable.
+    """
+    plain = plain_arm(arms, main.benchmark, agent, semantics)
+    if plain is None or comparable(main, plain):
+        return plain
+    same = [a for a in arms if (a.agent, a.semantics) == (agent, semantics) and comparable(main, a)]
+    return min(same, key=Arm.sort_key, default=None)
 
 
 def swept_arm(arms: Iterable[Arm], base: Arm, key: str, setting: float) -> Arm | None:
@@ -246,14 +288,18 @@ def swept_arm(arms: Iterable[Arm], base: Arm, key: str, setting: float) -> Arm |
 def pairs(arms: Sequence[Arm]) -> list[tuple[Arm, Arm]]:
     """Pairs of arms to compare.
 
-    Within a condition the reference agent is paired with every other agent; each further condition
-    of an agent is paired with its plainest arm.
+    Within a condition the reference agent, or else that of the plainest arm, is paired with every
+    other agent, and the plainest arm of an agent with its others. The plainest arm of a condition
+    is paired with a plainer one of the same agent under another condition, of equal settings if
+    there is one.
     """
     out: list[tuple[Arm, Arm]] = []
     conditions = list(dict.fromkeys(a.condition for a in arms))
     for condition in conditions:
         here = [a for a in arms if a.condition == condition]
-        plain = {a.agent: a for a in sorted(here, key=Arm.sort_key, reverse=True)}
+        plain: dict[str, Arm] = {}
+        for arm in sorted(here, key=Arm.sort_key):
+            plain.setdefault(arm.agent, arm)
         if len(plain) < 2:
             continue
         wanted = REFERENCES[here[0].benchmark]
@@ -264,12 +310,25 @@ def pairs(arms: Sequence[Arm]) -> list[tuple[Arm, Arm]]:
             new = agent not in KNOWN  # first in its pair: above 0 means better
             out.append((other, plain[name]) if new else (plain[name], other))
     for arm in arms:
-        same = [a for a in arms if (a.benchmark, a.agent) == (arm.benchmark, arm.agent)]
-        base = min(same, key=lambda a: (a.semantics != "noisy", a.sort_key()))
-        if arm is not base:
+        base = _base_of(arm, arms)
+        if base is not None:
             out.append((arm, base))
     order = {id(a): i for i, a in enumerate(arms)}
     return sorted(out, key=lambda p: (order[id(p[0])], order[id(p[1])]))
+
+
+def _base_of(arm: Arm, arms: Sequence[Arm]) -> Arm | None:
+    """Arm of the same agent that an arm is compared with; None for the agent's plainest arm."""
+    ranked = sorted(
+        (a for a in arms if (a.benchmark, a.agent) == (arm.benchmark, arm.agent)),
+        key=lambda a: (a.semantics != "noisy", a.sort_key()),
+    )
+    plainest = next(a for a in ranked if a.condition == arm.condition)
+    if arm is not plainest:
+        return plainest
+    plainer = ranked[: next(i for i, a in enumerate(ranked) if a is arm)]
+    alike = (a for a in plainer if a.own_settings == arm.own_settings)
+    return next(alike, next(iter(plainer), None))
 
 
 def in_common(first: Arm, second: Arm) -> tuple[list[EpisodeRecord], list[EpisodeRecord]]:

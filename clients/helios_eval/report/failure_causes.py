@@ -27,7 +27,7 @@ from helios_eval.report import colors, episode_map, number_format, plots
 from helios_eval.report.agent_groups import Arm, plainest_arms
 from helios_eval.report.interval_statistics import mean_sem, wilson
 from helios_eval.report.number_format import plural
-from helios_eval.report.our_results import benchmarks_of, count
+from helios_eval.report.our_results import benchmarks_of, count, played_count
 from helios_eval.report.record_metrics import counts_of_causes, values
 from helios_eval.report.report_model import (
     Block,
@@ -54,14 +54,15 @@ def causes_section(arms: Sequence[Arm]) -> Section:
         counts = [counts_of_causes(a.records) for a in shown]
         blocks.append(plots.causes([a.label for a in shown], counts))
         blocks.append(_table_of_causes(mine))
-        hits = [sum(r.collisions > 0 for r in a.records) for a in shown]
-        blocks.append(
-            plots.effort(
-                [a.label for a in shown],
-                [list(values(a.records, "steps")) for a in shown],
-                [wilson(hit, len(a.records)) for a, hit in zip(shown, hits, strict=True)],
+        if played := [a for a in shown if a.played]:
+            hits = [sum(r.collisions > 0 for r in a.played) for a in played]
+            blocks.append(
+                plots.effort(
+                    [a.label for a in played],
+                    [list(values(a.played, "steps")) for a in played],
+                    [wilson(hit, len(a.played)) for a, hit in zip(played, hits, strict=True)],
+                )
             )
-        )
         blocks.append(_table_of_collisions(mine))
     return Section("failures", "Why episodes failed", tuple(blocks))
 
@@ -92,33 +93,38 @@ def _count(count: int, n: int) -> Cell:
 def _table_of_collisions(arms: Sequence[Arm]) -> Table:
     rows = Rows()
     for arm in arms:
-        bodies = Counter(body for r in arm.records for body in r.collided_with)
+        played, n = arm.played, len(arm.played)
+        if not n:
+            rows.add([arm.label, played_count(arm), *[number_format.NONE] * 7])
+            continue
+        bodies = Counter(body for r in played for body in r.collided_with)
         often = ", ".join(f"{name} ({n})" for name, n in bodies.most_common(MOST_BODIES))
-        hit = sum(r.collisions > 0 for r in arm.records)
+        hit = sum(r.collisions > 0 for r in played)
         rows.add(
             [
                 arm.label,
-                number_format.mean("steps", mean_sem(values(arm.records, "steps"))),
-                number_format.number(sum(r.path_m for r in arm.records) / len(arm.records), 1),
-                number_format.number(sum(r.picks for r in arm.records) / len(arm.records), 2),
-                _wrong_picks(arm),
-                number_format.mean("collisions", mean_sem(values(arm.records, "collisions"))),
-                _count(hit, len(arm.records)),
+                played_count(arm),
+                number_format.mean("steps", mean_sem(values(played, "steps"))),
+                number_format.number(sum(r.path_m for r in played) / n, 1),
+                number_format.number(sum(r.picks for r in played) / n, 2),
+                _wrong_picks(played),
+                number_format.mean("collisions", mean_sem(values(played, "collisions"))),
+                _count(hit, n),
                 often or number_format.NONE,
             ]
         )
     return rows.table(
         "Steps and collisions",
-        ["agent", "steps", "path (m)", "picks tried", "wrong objects picked", "collisions",
+        ["agent", "n", "steps", "path (m)", "picks tried", "wrong objects picked", "collisions",
          "episodes with one", "touched most often"],
-        "Means over the episodes. A wrong object that is picked is disturbed, even if the robot "
-        "puts it back.",
+        "Means over the episodes that were played. A wrong object that is picked is disturbed, "
+        "even if the robot puts it back.",
         words=["touched most often"],
     )  # fmt: skip
 
 
-def _wrong_picks(arm: Arm) -> str:
-    known = [r.wrong_picks for r in arm.records if r.wrong_picks is not None]
+def _wrong_picks(records: Sequence[EpisodeRecord]) -> str:
+    known = [r.wrong_picks for r in records if r.wrong_picks is not None]
     return number_format.number(sum(known) / len(known), 2) if known else number_format.NONE
 
 

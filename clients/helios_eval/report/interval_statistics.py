@@ -151,6 +151,12 @@ def paired_ratio(first: Values, second: Values, draws: int = DRAWS, seed: int = 
     return Interval(value, float(low), float(high))
 
 
+def json_bounds(i: Interval) -> tuple[float | None, float | None, float | None]:
+    """Value and bounds for JSON, which has no NaN and no infinity: None instead."""
+    value, low, high = (x if math.isfinite(x) else None for x in (i.value, i.low, i.high))
+    return value, low, high
+
+
 def sign_test(first: Values, second: Values) -> float:
     """Two-sided exact p that neither of two paired samples [n] tends to be larger.
 

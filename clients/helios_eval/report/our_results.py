@@ -19,7 +19,7 @@ from helios_eval.report.interval_statistics import (
     wilson,
 )
 from helios_eval.report.paper_figures import PICKS, picks_name
-from helios_eval.report.record_metrics import METRICS, NAMES, TITLES, values
+from helios_eval.report.record_metrics import METRICS, NAMES, TITLES, paired_values, values
 from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
 
 Found = tuple[Arm, Arm, list[EpisodeRecord], list[EpisodeRecord]]  # two arms, their common homes
@@ -80,9 +80,10 @@ def metrics_section(arms: Sequence[Arm]) -> Section:
         rows = Rows()
         for arm in mine:
             cells = [_figure(arm, name, None) for name in rest]
-            rows.add([arm.label, *cells, count(arm)])
+            rows.add([arm.label, *cells, played_count(arm)])
         heads = ["agent", *map(_head, rest), "n"]
-        blocks.append(rows.table(f"{TITLES[benchmark]}: what it took", heads, "Less is better."))
+        caption = "Less is better. Of the episodes that were played."
+        blocks.append(rows.table(f"{TITLES[benchmark]}: what it took", heads, caption))
         blocks += filter(None, [absent_targets.table(mine)])
     return Section("metrics", "Every metric of this run", tuple(blocks))
 
@@ -96,6 +97,12 @@ def count(arm: Arm) -> Cell:
     """Number of episodes, with the requested number if some are not played yet."""
     n = str(len(arm.records))
     return Cell(n) if arm.is_complete else Cell(n, f"of {arm.requested_episodes}", "bad")
+
+
+def played_count(arm: Arm) -> Cell:
+    """Number of episodes that were played, with that of all if some could not be."""
+    n, of = len(arm.played), len(arm.records)
+    return Cell(str(n), f"of {of}", "bad") if n < of else count(arm)
 
 
 def homes_of(a: Arm, b: Arm, homes: int) -> str:
@@ -150,7 +157,7 @@ def paired_section(arms: Sequence[Arm]) -> Section:
     for a, b, mine, theirs in found:
         for name in ("Pick", "SPL", "SR"):
             if name in NAMES[a.benchmark] and len(values(mine, name)):
-                d = paired_difference(values(mine, name), values(theirs, name))
+                d = paired_difference(*paired_values(mine, theirs, name))
                 bars.append((name, f"{a.label} − {b.label}", d))
     blocks.append(plots.forest(bars))
     blocks.append(_pair_table(found))
@@ -162,7 +169,7 @@ def _pair_table(found: Sequence[Found]) -> Table:
     for a, b, mine, theirs in found:
         group = f"{a.label} against {b.label} ({homes_of(a, b, len(mine))})"
         for name in NAMES[a.benchmark]:
-            x, y = values(mine, name), values(theirs, name)
+            x, y = paired_values(mine, theirs, name)
             if name != "seconds_per_step" and len(x):
                 rows.add(_pair_row(name, x, y), group)
     return rows.table(

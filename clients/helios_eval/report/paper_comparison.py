@@ -7,12 +7,18 @@ from collections.abc import Iterable, Sequence
 
 from helios_sim.home.presets import LARGE
 
-from helios_eval.episodes import home_presets
 from helios_eval.report import number_format, paper_figures
-from helios_eval.report.agent_groups import Arm, in_common, plain_arm, swept_arm
+from helios_eval.report.agent_groups import (
+    Arm,
+    has_other_table,
+    in_common,
+    plain_arm,
+    plain_arm_like,
+    swept_arm,
+)
 from helios_eval.report.interval_statistics import Interval, mean_sem, paired_ratio, why_unbounded
 from helios_eval.report.our_results import count, missing_homes_text
-from helios_eval.report.record_metrics import values
+from helios_eval.report.record_metrics import paired_values, values
 from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
 
 TAG = "another simulator"
@@ -26,16 +32,18 @@ _TABLES = (
 
 
 def relations(arms: Sequence[Arm]) -> Table | None:
-    """Table of the ratios that the paper claims, with ours; None if no pair of agents was run."""
+    """Table of the ratios that the paper claims, with ours; None if no pair of agents was run
+    under the same conditions."""
     rows = Rows()
     for r in paper_figures.RELATIONS:
-        top, bottom = (plain_arm(arms, r.benchmark, *who) for who in (r.top, r.bottom))
+        top = plain_arm(arms, r.benchmark, *r.top)
+        bottom = plain_arm_like(arms, top, *r.bottom) if top is not None else None
         if top is None or bottom is None:
             continue
         mine, theirs = in_common(top, bottom)
         if not mine:
             continue
-        x, y = values(mine, r.metric), values(theirs, r.metric)
+        x, y = paired_values(mine, theirs, r.metric)
         ratio = paired_ratio(x, y)
         if math.isnan(ratio.value):
             ours = Cell(number_format.NONE, "nothing to divide by")
@@ -62,6 +70,7 @@ def relations(arms: Sequence[Arm]) -> Table | None:
         "Relations: the paper's and ours",
         ["ratio of", "paper", "here", "n", "verdict"],
         "Ratio of the means over the same homes, with the 95 % interval of a paired bootstrap. "
+        "Agents that ran with different settings or under different conditions are left out. "
         f"Ratios may be held against the paper's, absolute figures may not. {number_format.RULE}",
         TAG,
         words=["verdict"],
@@ -72,11 +81,6 @@ def has_conditions_of_the_paper(arm: Arm) -> bool:
     """True if homes and noise of an arm are those meant to resemble the paper's: no larger homes,
     and the noise table of the preset."""
     return arm.preset != LARGE and not has_other_table(arm)
-
-
-def has_other_table(arm: Arm) -> bool:
-    """True if the noise of an arm is not of its preset's table."""
-    return arm.noise is not None and arm.noise.table != home_presets.noise_of(arm.preset)
 
 
 def verdict_of(ratio: Interval, published: float) -> str:
@@ -111,7 +115,7 @@ def section(arms: Sequence[Arm]) -> Section | None:
             found[id(row)] for row in table.rows if row.agent == "helios-5050" or _changed(row)
         )
         if always or (worth_a_table and any(found.values())):
-            blocks.append(_table(table, found))
+            blocks.append(_table(table, found, _caption(arms, table, found)))
         else:
             missing.append(str(table.number))
     if missing:
@@ -120,8 +124,16 @@ def section(arms: Sequence[Arm]) -> Section | None:
 
 
 def _found(arms: Sequence[Arm], table: paper_figures.Table) -> dict[int, Arm | None]:
-    """Our arm for each row of a table, by the id of the row."""
-    return {id(row): _ours(arms, table, row) for row in table.rows}
+    """Our arm for each row of a table, by the id of the row. All are comparable."""
+    main = min(_plain(arms, table), key=lambda a: len(a.own_settings), default=None)
+    return {id(row): _ours(arms, main, row) if main else None for row in table.rows}
+
+
+def _plain(arms: Sequence[Arm], table: paper_figures.Table) -> list[Arm]:
+    """Plain arms of the agents of a table, those with noise first."""
+    named = dict.fromkeys((row.agent, row.semantics) for row in table.rows if row.agent)
+    found = (plain_arm(arms, table.benchmark, *who) for who in named)
+    return sorted(filter(None, found), key=lambda a: a.semantics != "noisy")
 
 
 def _listed(items: Sequence[str]) -> str:
@@ -132,17 +144,19 @@ def _changed(row: paper_figures.Row) -> bool:
     return row.setting is not None and paper_figures.DEFAULTS[row.setting[0]] != row.setting[1]
 
 
-def _ours(arms: Sequence[Arm], table: paper_figures.Table, row: paper_figures.Row) -> Arm | None:
+def _ours(arms: Sequence[Arm], main: Arm, row: paper_figures.Row) -> Arm | None:
+    """Our arm for a row: comparable with `main`, but for the setting that the row sweeps."""
     if not row.agent:
         return None
-    base = plain_arm(arms, table.benchmark, row.agent, row.semantics)
+    base = plain_arm_like(arms, main, row.agent, row.semantics)
     if base is None or row.setting is None:
         return base
     swept = swept_arm(arms, base, *row.setting)
-    return swept if swept is not None or _changed(row) else base
+    has_another = any(key.rpartition(".")[2] == row.setting[0] for key in base.own_settings)
+    return swept if swept is not None or _changed(row) or has_another else base
 
 
-def _table(table: paper_figures.Table, found: dict[int, Arm | None]) -> Table:
+def _table(table: paper_figures.Table, found: dict[int, Arm | None], caption: str) -> Table:
     rows = Rows()
     for row in table.rows:
         arm = found[id(row)]
@@ -153,7 +167,7 @@ def _table(table: paper_figures.Table, found: dict[int, Arm | None]) -> Table:
     return rows.table(
         f"Table {table.number}: {table.title}",
         ["method", *table.metrics, "n"],
-        _under(filter(None, found.values())),
+        caption,
         TAG,
     )
 
@@ -167,6 +181,23 @@ def _cell(row: paper_figures.Row, metric: str, arm: Arm | None) -> Cell:
         return Cell(number_format.NOT_RUN, note, "muted")
     ours = mean_sem(values(arm.records, metric, row.picks))
     return Cell(number_format.mean(metric, ours), note, "strong")
+
+
+def _caption(arms: Sequence[Arm], table: paper_figures.Table, found: dict[int, Arm | None]) -> str:
+    """Caption: the noise and settings of our results, and the agents that are left out."""
+    shown = [arm for arm in found.values() if arm is not None]
+    parts = [_under(shown)]
+    plain = [found[id(row)] for row in table.rows if row.setting is None and found[id(row)]]
+    if own := next((arm.own_settings for arm in plain if arm), {}):
+        parts.append(f"Ours with {', '.join(f'{k}={v}' for k, v in own.items())}.")
+    agents = {(arm.agent, arm.semantics) for arm in shown}
+    left = [a.label for a in _plain(arms, table) if (a.agent, a.semantics) not in agents]
+    if left:
+        parts.append(
+            "Left out, since the settings or conditions are not those of the other rows: "
+            f"{', '.join(left)}."
+        )
+    return " ".join(filter(None, parts))
 
 
 def _under(arms: Iterable[Arm]) -> str:

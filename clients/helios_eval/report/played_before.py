@@ -1,8 +1,10 @@
 """How often the homes of a run had been played before it, by the ledger.
 
 A line of the ledger belongs to the run itself if it names a folder of the run and one of its
-requests. A line that was entered afterwards belongs to a run with episodes of the same commit.
-Earlier lines with its own reason and commit are told apart: they are parts of one release.
+requests, and if the run's episodes are of the line's code. If they are of other code, the line's
+own episodes were deleted, and it is an earlier run. A line that was entered afterwards belongs to a
+run with episodes of the same commit. Earlier lines with its own reason and commit are told apart:
+they are parts of one release.
 """
 
 from __future__ import annotations
@@ -18,10 +20,13 @@ from helios_eval import ledger
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.ledger import AFTERWARDS, FIRST_SEED, Entry
+from helios_eval.provenance import DIRTY, same_code
 from helios_eval.report.number_format import plural, ranges
 from helios_eval.report.requested_episodes import commands_of, requests_of
 
 FACT = "played before"
+IN_STEPS = "homes added after figures"  # name of the fact on homes that were asked for in steps
+SHOWN = "shown"  # key of `run.json`: arm -> numbers of homes that its figures were over, in order
 NEVER = "never by the ledger"
 NO_LINE = "unknown: the ledger has no line of this run"
 NO_LEDGER = "unknown: an installation outside a checkout has no ledger"
@@ -71,17 +76,29 @@ def folders_of(run: Mapping[str, Any]) -> list[Folder]:
 
 
 def fact(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Fact of the report with its name; none for a run without a home from seed 1000 on."""
+    """Facts of the report with their names; none for a run without a home from seed 1000 on."""
     if not _kept((r.preset, r.seed) for r in records):
         return []
+    steps = [(IN_STEPS, text) for text in [_steps(run)] if text]
+    return [(FACT, _said_before(records, run)), *steps]
+
+
+def _steps(run: Mapping[str, Any]) -> str:
+    """Numbers of homes after which figures were shown and more homes were asked for; empty if none
+    were added."""
+    grown = [", then ".join(map(str, n)) for n in run.get(SHOWN, {}).values() if len(n) > 1]
+    return f"figures were over {'; '.join(dict.fromkeys(grown))} homes" if grown else ""
+
+
+def _said_before(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> str:
     try:
         if ledger.ledger_path() is None:
-            return [(FACT, NO_LEDGER)]
+            return NO_LEDGER
         before = _before_run(records, run)
     except HeliosError as error:
-        return [(FACT, f"unknown: {error}")]
+        return f"unknown: {error}"
     if before is None:
-        return [(FACT, NO_LINE if lacks_line(records, run) else NEVER)]
+        return NO_LINE if lacks_line(records, run) else NEVER
     named = before.folders[:MOST_FOLDERS]
     more = len(before.folders) - len(named)
     text = (
@@ -90,7 +107,7 @@ def fact(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> list[tuple
     )
     if len(before.seeds) < before.total:
         text += f" (seeds {ranges(list(before.seeds))})"
-    return [(FACT, text)]
+    return text
 
 
 def sentence(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> str:
@@ -108,7 +125,14 @@ def sentence(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> str:
 
 
 def notice(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> str:
-    """Notice for the top of the report; empty if the ledger names no earlier run."""
+    """Notice for the top of the report; empty if the ledger names no earlier run, and if no homes
+    were added after figures had been shown."""
+    told = _steps(run)
+    added = f"Homes were added after figures had been shown: {told}." if told else ""
+    return " ".join(part for part in (_notice_before(records, run), added) if part)
+
+
+def _notice_before(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> str:
     try:
         before = _before_run(records, run)
         unlisted = before is None and lacks_line(records, run)
@@ -133,7 +157,7 @@ def lacks_line(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> bool
 
     Raises InvalidInput and Unavailable for a ledger that cannot be read.
     """
-    own = [e for e in _entries() if _is_own(e, run) or _is_of_a_commit(e, records)]
+    own = [e for e in _entries() if _is_own(e, records, run) or _is_of_a_commit(e, records)]
     return any(
         not any(_names(e, home) for e in own) for home in _kept((r.preset, r.seed) for r in records)
     )
@@ -142,7 +166,8 @@ def lacks_line(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> bool
 def line_before_a_run(specs: Sequence[EpisodeSpec], run: Mapping[str, Any]) -> str:
     """Line for the terminal if other runs have played some of these homes; else empty.
 
-    `run` is the content of the folder's `run.json`, with the request that is about to be played.
+    `run` is the content of the folder's `run.json`, with the request that is about to be played and
+    the present commit.
     """
     homes = _kept((s.preset, s.seed) for s in specs)
     if not homes:
@@ -151,7 +176,7 @@ def line_before_a_run(specs: Sequence[EpisodeSpec], run: Mapping[str, Any]) -> s
         entries = _entries()
     except HeliosError as error:
         return f"Whether these homes have been played before is unknown: {error}"
-    before = _before([e for e in entries if not _is_own(e, run)], homes)
+    before = _before([e for e in entries if not _is_own(e, (), run)], homes)
     if before is None:
         return ""
     if release := _shared_release(before, run):
@@ -186,7 +211,7 @@ def _before_run(records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> Bef
     """
     homes = _kept((r.preset, r.seed) for r in records)
     entries = _entries() if homes else []
-    own = [e for e in entries if _is_own(e, run) or _is_of_a_commit(e, records)]
+    own = [e for e in entries if _is_own(e, records, run) or _is_of_a_commit(e, records)]
     found = _before([e for e in entries if e not in own and _is_earlier(e, own, run)], homes)
     return found and replace(found, release=_shared_release(found, run))
 
@@ -214,18 +239,57 @@ def _names(entry: Entry, home: Home) -> bool:
     return entry.preset == preset and entry.first_seed <= seed <= entry.last_seed
 
 
-def _is_own(entry: Entry, run: Mapping[str, Any]) -> bool:
-    """Whether an entry is a part of this run: same folder since its first start, same request."""
-    return any(
-        f.out == entry.out and (f.since is None or entry.at >= f.since) for f in folders_of(run)
-    ) and any(
-        (order["benchmark"], order["preset"]) == (entry.benchmark, entry.preset)
-        and set(entry.agents) <= set(order["agents"])
-        and int(order["seed0"]) <= entry.first_seed
-        and entry.last_seed < int(order["seed0"]) + int(order["episodes"])
-        and _under_same_conditions(entry, order)
-        for order in requests_of(run)
+def _is_own(entry: Entry, records: Sequence[EpisodeRecord], run: Mapping[str, Any]) -> bool:
+    """Whether an entry is a part of this run: same folder since its first start, same request, same
+    code."""
+    return (
+        any(
+            f.out == entry.out and (f.since is None or entry.at >= f.since) for f in folders_of(run)
+        )
+        and any(
+            (order["benchmark"], order["preset"]) == (entry.benchmark, entry.preset)
+            and set(entry.agents) <= set(order["agents"])
+            and int(order["seed0"]) <= entry.first_seed
+            and entry.last_seed < int(order["seed0"]) + int(order["episodes"])
+            and _under_same_conditions(entry, order)
+            for order in requests_of(run)
+        )
+        and not _was_played_anew(entry, records, run)
     )
+
+
+def _was_played_anew(
+    entry: Entry, records: Sequence[EpisodeRecord], run: Mapping[str, Any]
+) -> bool:
+    """Whether other code than that of the entry played all of the entry's episodes.
+
+    The same code gives the same episodes again. Without a record of the entry, the commit of
+    `run.json` decides.
+    """
+    commits = {r.commit for r in records if _has_episode(entry, r)}
+    commits |= {str(run["commit"])} if run.get("commit") else set()
+    return bool(commits) and not any(_is_same_code(entry.commit, c) for c in sorted(commits))
+
+
+def _has_episode(entry: Entry, r: EpisodeRecord) -> bool:
+    """Whether an entry names the episode of a record; one without conditions names any."""
+    if not (
+        _names(entry, (r.preset, r.seed))
+        and r.agent in entry.agents
+        and r.benchmark == entry.benchmark
+    ):
+        return False
+    noise = r.noise.model_dump() if r.noise else None
+    return entry.semantics is None or (
+        (entry.semantics, entry.noise) == (r.semantics, noise)
+        and r.settings.items() <= (entry.settings or {}).items()
+    )
+
+
+def _is_same_code(one: str, other: str) -> bool:
+    """Whether two commits have the same code; marks of uncommitted changes do not count."""
+    one, other = one.removesuffix(DIRTY), other.removesuffix(DIRTY)
+    return one[:SHORT_COMMIT] == other[:SHORT_COMMIT] or same_code(one, other)
 
 
 def _under_same_conditions(entry: Entry, order: Mapping[str, Any]) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,13 +72,35 @@ def value(record: EpisodeRecord, name: str, picks: int | None = None) -> float:
 def values(
     records: Iterable[EpisodeRecord], name: str, picks: int | None = None
 ) -> NDArray[np.float64]:
-    """Metric of many episodes [n], in their order.
-
-    A metric `of_present` leaves out episodes with an absent object, so n may be 0.
-    """
-    of_present = METRICS[name].of_present
-    found = [value(r, name, picks) for r in records if not (of_present and r.absent)]
+    """Metric of many episodes [n], in their order, without those that `has_metric` leaves out. n
+    may be 0."""
+    found = [value(r, name, picks) for r in records if has_metric(r, name)]
     return np.array(found, dtype=np.float64)
+
+
+def paired_values(
+    first: Sequence[EpisodeRecord], second: Sequence[EpisodeRecord], name: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Metric of the same episodes of two arms, [n] each, where both have it. n may be 0."""
+    both = [
+        (value(a, name), value(b, name))
+        for a, b in zip(first, second, strict=True)
+        if has_metric(a, name) and has_metric(b, name)
+    ]
+    x, y = np.array(both, dtype=np.float64).reshape(-1, 2).T
+    return x, y
+
+
+def has_metric(record: EpisodeRecord, name: str) -> bool:
+    """True if a metric counts an episode.
+
+    A metric `of_present` leaves out an absent object. An episode that could not be played counts
+    as a failure in shares; it took no steps, so the other metrics leave it out.
+    """
+    metric = METRICS[name]
+    if metric.of_present and record.absent:
+        return False
+    return metric.share or record.was_played
 
 
 def counts_of_causes(records: Iterable[EpisodeRecord]) -> dict[str, int]:

@@ -90,7 +90,7 @@ def _glance(arms: Sequence[Arm]) -> Section:
     blocks.append(
         paper_comparison.relations(as_paper)
         or Paragraph(
-            "No two agents were run that the paper relates."
+            "No two agents that the paper relates were run under the same conditions."
             if as_paper
             else "The paper has no conditions like these: absent objects, chosen classes, larger "
             "homes or another noise. So nothing is compared with it."

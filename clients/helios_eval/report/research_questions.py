@@ -9,10 +9,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from helios_eval.episodes.episode_record import Setting
-from helios_eval.episodes.episode_spec import CONDITIONS
 from helios_eval.report import number_format, paper_figures, plots
-from helios_eval.report.agent_groups import KNOWN, Arm, in_common, noise_parts, plain_arm
+from helios_eval.report.agent_groups import (
+    KNOWN,
+    Arm,
+    comparable,
+    has_other_table,
+    in_common,
+    noise_parts,
+    plain_arm,
+    plain_arm_like,
+)
 from helios_eval.report.interval_statistics import (
     Interval,
     paired_difference,
@@ -22,8 +29,8 @@ from helios_eval.report.interval_statistics import (
 )
 from helios_eval.report.number_format import bounds, interval, number, scale, signed
 from helios_eval.report.our_results import missing_homes_text, tone_of
-from helios_eval.report.paper_comparison import has_conditions_of_the_paper, has_other_table
-from helios_eval.report.record_metrics import METRICS, values
+from helios_eval.report.paper_comparison import has_conditions_of_the_paper
+from helios_eval.report.record_metrics import METRICS, paired_values
 from helios_eval.report.report_model import Block, Cell, Paragraph, Rows, Section, Table
 
 NOISY, TRUE = "noisy", "ground-truth"
@@ -65,10 +72,12 @@ def section(arms: Sequence[Arm]) -> Section | None:
         top, bottom = (
             plain_arm(arms, question.benchmark, *who) for who in (question.first, question.second)
         )
+        if top is not None:
+            bottom = plain_arm_like(arms, top, *question.second) or bottom
         if top is None or bottom is None or not in_common(top, bottom)[0]:
             unanswered.append(question.asks)
             continue
-        if _own_settings(top) != _own_settings(bottom):
+        if not comparable(top, bottom):
             unlike.append(question.asks)
             continue
         asks = ", ".join([question.asks, *_noise_of(top)])
@@ -80,7 +89,7 @@ def section(arms: Sequence[Arm]) -> Section | None:
                 bars.append(_row(rows, question, metric, first, second, group, noise))
     ideas = _ideas(arms)
     plain = plain_arm(arms, "ovmm", "helios-paper", NOISY)
-    alone = plain is not None and bool(_own_settings(plain))
+    alone = plain is not None and bool(plain.own_settings)
     if alone:
         unanswered.append(
             "HELIOS without settings of its own, beside which the rows with settings say something "
@@ -119,7 +128,7 @@ def _row(
 ) -> tuple[str, str, Interval]:
     """Add a row; return its entry for the drawing. under: its semantics or noise."""
     mine, theirs = in_common(top, bottom)
-    x, y = values(mine, metric), values(theirs, metric)
+    x, y = paired_values(mine, theirs, metric)
     d, ratio, k = paired_difference(x, y), paired_ratio(x, y), scale(metric)
     shown = d if d.has_bounds or not METRICS[metric].binary else score_difference(x, y)
     published = [
@@ -159,7 +168,8 @@ def _other_noise(arms: Sequence[Arm]) -> Iterator[tuple[Arm, Arm, str]]:
             continue
         if (top.benchmark, top.agent, top.settings) != ("ovmm", one, main.settings):
             continue
-        same = [a for a in arms if a.condition == top.condition and a.agent == other]
+        here = [a for a in arms if a.condition == top.condition and a.agent == other]
+        same = [a for a in here if comparable(top, a)]
         bottom = min(same, key=Arm.sort_key, default=None)
         if bottom is not None and in_common(top, bottom)[0]:
             homes = [] if top.preset == main.preset else [f"homes {top.preset}"]
@@ -177,7 +187,7 @@ def _noise_of(arm: Arm) -> list[str]:
 def _ideas(arms: Sequence[Arm]) -> Table | None:
     """Table of ideas beyond the paper against the paper's method under the same noise."""
     base = plain_arm(arms, "ovmm", "helios-paper", NOISY)
-    if base is None or _own_settings(base):
+    if base is None or base.own_settings:
         return None
     rows = Rows()
     for arm in arms:
@@ -189,7 +199,11 @@ def _ideas(arms: Sequence[Arm]) -> Table | None:
         cells: list[Cell] = []
         settled: dict[str, list[str]] = {"good": [], "bad": []}
         for metric in IDEA_METRICS:
-            d = paired_difference(values(mine, metric), values(theirs, metric))
+            x, y = paired_values(mine, theirs, metric)
+            if not len(x):
+                cells.append(Cell(number_format.NONE, "", "muted"))
+                continue
+            d = paired_difference(x, y)
             k, digits, tone = (
                 scale(metric),
                 METRICS[metric].digits,
@@ -223,14 +237,9 @@ def _settled_words(settled: Mapping[str, Sequence[str]], is_partial: bool) -> st
     return ("; ".join(parts) or "nothing settled") + (SO_FAR if is_partial else "")
 
 
-def _own_settings(arm: Arm) -> dict[str, Setting]:
-    """Settings of the method, without those of homes and camera, which all agents share."""
-    return {k: v for k, v in arm.settings if k not in CONDITIONS}
-
-
 def _is_idea(arm: Arm, base: Arm) -> bool:
     """True for an agent beyond the paper, or for settings that the paper did not sweep."""
-    changed = {k: v for k, v in _own_settings(arm).items() if (k, v) not in base.settings}
+    changed = {k: v for k, v in arm.own_settings.items() if (k, v) not in base.settings}
     if arm.agent not in KNOWN:
         return True
     swept = {row.setting for table in paper_figures.SWEEPS for row in table.rows}

@@ -11,7 +11,7 @@ from typing import Any
 
 from helios_core.errors import InvalidInput
 
-from helios_eval.episodes.episode_record import EpisodeRecord
+from helios_eval.episodes.episode_record import EpisodeRecord, content_of
 from helios_eval.episodes.episode_spec import ABSENT, DETECTOR, PICK_RULE, SCORER, TASK_CLASSES
 from helios_eval.report import number_format, played_before
 from helios_eval.report.agent_groups import Arm, correlation_name, most_common, noise_parts
@@ -48,12 +48,15 @@ NOTICE = (
 
 
 def run_of(folder: Path) -> dict[str, Any]:
-    """Content of `run.json`; empty without the file. Raises InvalidInput for a damaged one."""
+    """Content of `run.json`; empty without the file.
+
+    Raises InvalidInput for a damaged file, and Unavailable for one that cannot be read.
+    """
     path = folder / RUN
-    if not path.exists():
+    if (content := content_of(path)) is None:
         return {}
     try:
-        run = json.loads(path.read_text(encoding="utf-8"))
+        run = json.loads(content.decode())
     except ValueError as error:
         raise InvalidInput(f"{path} is no JSON ({error}); delete it and report again") from error
     if not isinstance(run, dict):
@@ -91,7 +94,13 @@ def section(
     errors = sum(r.cause == "system error" for r in records)
     if errors:
         what = plural(errors, "episode")
-        warnings.append(f"{what} ended by a system error; they count as failures.")
+        unplayed = sum(not r.was_played for r in records)
+        left_out = (
+            " The means of steps, collisions and times leave out those that could not be played: "
+            f"{unplayed}."
+        )
+        told = f"{what} ended by a system error; they count as failures."
+        warnings.append(told + left_out * bool(unplayed))
     blocks += [Notice(w) for w in warnings]
     blocks.append(Facts(tuple(_facts(records, arms, run, commits))))
     blocks += [Command(_command(c)) for c in commands_of(run)]

@@ -9,14 +9,12 @@ from __future__ import annotations
 import json
 import logging
 import os
-import platform
 import sys
 import time
 from collections.abc import Collection, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -31,15 +29,17 @@ from helios_eval.episodes.episode_player import PlayedEpisode
 from helios_eval.episodes.episode_record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
 from helios_eval.episodes.episode_spec import DETECTOR, TASK_CLASSES, EpisodeInputs, EpisodeSpec
 from helios_eval.episodes.real_detector import equal_but_for_digest
+from helios_eval.episodes.run_conditions import setting_files
 from helios_eval.episodes.service_settings import differing_settings
 from helios_eval.episodes.worker import Skipped
 from helios_eval.provenance import commit, machine
 from helios_eval.report import played_before, write_report
-from helios_eval.report.played_before import Folder, folders_of
+from helios_eval.report.played_before import SHOWN, Folder, folders_of
 from helios_eval.report.requested_episodes import KEYS, commands_of, requests_of
 from helios_eval.report.run_description import RUN, machines_of, run_of
 from helios_eval.report.skipped_homes import WITHOUT_TASK, SkippedHomes, without_task_key
-from helios_eval.runs import results, unseen_homes
+from helios_eval.runs import played_with, results, unseen_homes
+from helios_eval.runs.played_with import ALL_VERSIONS, VERSIONS
 from helios_eval.runs.process_pool import Outcome, play_all
 from helios_eval.runs.progress import Board
 from helios_eval.runs.results import Picks
@@ -47,9 +47,11 @@ from helios_eval.runs.results import Picks
 log = logging.getLogger(__name__)
 
 # Keys that describe how the episodes were played.
-OF_THE_PLAYED = ("commit", "machine", "machines", "cores", "versions", "started", "wall_s")
-_KEPT = ("relabelled",)  # keys kept from the former file; written by scripts/relabel_agents.py
-_LIBRARIES = ("numpy", "mujoco", "numba", "opencv-python-headless", "scipy", "protobuf")
+OF_THE_PLAYED = (
+    "commit", "machine", "machines", "cores", VERSIONS, ALL_VERSIONS, "started", "wall_s",
+)  # fmt: skip
+# Keys kept from the former file; scripts/relabel_agents.py writes the first.
+_KEPT = ("relabelled", SHOWN)
 
 
 @dataclass(frozen=True)
@@ -92,11 +94,12 @@ class Run:
 def run(asked: Run, console: Console) -> list[EpisodeRecord]:
     """Play the missing episodes, then write results and report; return the records of this run.
 
-    Results and report are written however the run ends; those of homes from seed 1000 on only when
-    every episode is played. Raises Unavailable if nothing can be played or written, UsageError if
-    the path is a file, InvalidInput for a folder with other content or with episodes that this run
-    cannot continue, and for unseen homes with changed code, Conflict while another run plays into
-    it, and KeyboardInterrupt after an interruption.
+    Results and report are written however the run ends; but in a folder with requests for homes
+    from seed 1000 on only when these are all played. Raises Unavailable if nothing can be played or
+    written, UsageError if the path is a file or a file of a setting cannot be used, InvalidInput
+    for a folder with other content or with episodes that this run cannot continue, and for unseen
+    homes with changed code or libraries, Conflict while another run plays into it, and
+    KeyboardInterrupt after an interruption.
     """
     with run_folder.locked_folder(asked.out):
         return _run(asked, console)
@@ -104,16 +107,21 @@ def run(asked: Run, console: Console) -> list[EpisodeRecord]:
 
 def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
     skipped = SkippedHomes(asked.preset, asked.settings, asked.seed0, asked.episodes)
-    skipped.add_known(run_of(asked.out))
+    former = run_of(asked.out)
+    skipped.add_known(former)
     specs = [spec for spec in asked.specs() if spec.seed not in skipped.seeds]
     there = episode_record.read(asked.out)
-    check_goes_on(asked, there, run_of(asked.out))
+    check_goes_on(asked, there, former)
     known = {r.key: r for r in there if r.was_played}
     missing = [spec for spec in specs if spec.key not in known]
     here, began = commit(), time.time()
     is_unseen = unseen_homes.has_unseen(spec.seed for spec in specs)
     if missing and is_unseen:
         unseen_homes.check_commit(there, here, asked.out)
+    if missing and (
+        told := played_with.line_on_versions(there, former, here, asked.out, is_unseen)
+    ):
+        console.print(told, style="yellow", markup=False, highlight=False, soft_wrap=True)
     with run_folder.write_errors_as_unavailable(asked.out):
         write_run_description(asked, here, began, None, skipped.seeds, plays=bool(missing))
     where = "on Ray" if asked.ray else f"{asked.jobs} at a time"
@@ -134,14 +142,14 @@ def _run(asked: Run, console: Console) -> list[EpisodeRecord]:
                     board.add(known[spec.key])
     except BaseException:
         try:
-            finish(asked, here, began, skipped.seeds, bool(missing), reports=not is_unseen)
+            said = finish(asked, here, began, skipped.seeds, bool(missing))
+            said = said or f"A report on the finished episodes is in {asked.out}."
+            console.print(said, markup=False, highlight=False, soft_wrap=True)
         except Exception:  # the first error is the one to tell
             log.exception("the report could not be written")
-        if is_unseen:
-            said = unseen_homes.AT_THE_END.format(done=board.done, total=board.total)
-            console.print(said, highlight=False, soft_wrap=True)
         raise
-    finish(asked, here, began, skipped.seeds, bool(missing))
+    if said := finish(asked, here, began, skipped.seeds, bool(missing)):
+        console.print(said, highlight=False, soft_wrap=True)
     if skipped.seeds:
         console.print(skipped.sentence(), highlight=False, soft_wrap=True)
     return [known[spec.key] for spec in specs if spec.key in known]
@@ -165,26 +173,31 @@ def finish(
     began_s: float,
     skipped: Collection[int],
     plays: bool,
-    reports: bool = True,
-) -> None:
-    """Write the description of a run that ends and, if `reports`, its results and its report."""
+) -> str:
+    """Write the description of a run that ends, its results and its report.
+
+    Returns a sentence if there are no results and report to write yet; else an empty text.
+    """
     with run_folder.write_errors_as_unavailable(asked.out):
         wall_s = time.time() - began_s
         write_run_description(asked, here, began_s, wall_s, skipped, plays)
-        if not reports:
-            return
         there = episode_record.read(asked.out)
+        if lacks := unseen_homes.unfinished(there, run_of(asked.out)):
+            return str(lacks)
         results.write(asked.out, there, asked.picks)
-        if there:
-            write_report(asked.out)
+        if not there:
+            return "No episode is played yet, so there is no report."
+        unseen_homes.mark_shown(asked.out)
+        write_report(asked.out)
+        return ""
 
 
 def check_goes_on(asked: Run, there: Sequence[EpisodeRecord], former: Mapping[str, Any]) -> None:
     """Check that a run can continue the episodes of a folder.
 
     Raises InvalidInput if these were played in homes or under noise of the same name but other
-    content, or by an agent with other settings. Another commit is allowed, since every record names
-    its own; so is a setting added since then.
+    content, by an agent with other settings, or with another file of a setting. Another commit is
+    allowed, since every record names its own; so is a setting added since then.
     """
     for agent in {r.agent for r in there} & set(asked.agents):
         now, before = (
@@ -199,13 +212,14 @@ def check_goes_on(asked: Run, there: Sequence[EpisodeRecord], former: Mapping[st
                     "folder"
                 )
     digest = home_presets.digest_of(asked.preset, asked.inputs.plans)
+    files = setting_files(asked.agents, asked.settings) if there else {}
     for r in there:
         if r.preset == asked.preset and r.preset_hash != digest:
             what, was, now = f"preset {r.preset}", r.preset_hash[:12], digest[:12]
         elif asked.noise and r.noise and _renewed(r.noise, asked.noise):
             what = f"noise table {r.noise.table}"
             was, now = r.noise.digest[:12], asked.noise.digest[:12]
-        elif other := _other_content(r, asked):
+        elif other := _other_content(r, asked) or played_with.changed_file(r, files, former):
             what, was, now = other
         else:
             continue
@@ -288,6 +302,7 @@ def write_run_description(
             "commands": [*before, command],
             "preset_hash": home_presets.digest_of(asked.preset, asked.inputs.plans),
             "noise_hash": asked.noise.digest if asked.noise else None,
+            **played_with.described(asked.agents, asked.settings, former),
             **_how_played(here, former),
             "started": started,
             "wall_s": None if wall_s is None else round(wall_s, 1),
@@ -299,16 +314,14 @@ def write_run_description(
 
 def _how_played(here: str, former: Mapping[str, Any]) -> dict[str, Any]:
     """Code and machine of this run, for `run.json`."""
+    versions = played_with.versions_here()
     return {
         "commit": here,
         "machine": machine(),
         "machines": list(dict.fromkeys([*machines_of(former), machine()])),
         "cores": os.cpu_count(),
-        "versions": {
-            "python": platform.python_version(),
-            "helios-ovmm": version("helios-ovmm"),
-            **{name: version(name) for name in _LIBRARIES},
-        },
+        VERSIONS: versions,
+        ALL_VERSIONS: [*(v for v in played_with.versions_of(former) if v != versions), versions],
     }
 
 

@@ -19,13 +19,16 @@ from helios_core.atomic_file import write_file
 from helios_core.errors import InvalidInput
 
 from helios_eval.episodes.episode_record import EPISODES, PACKED, EpisodeRecord, read
-from helios_eval.report.played_before import folders_of
+from helios_eval.report.played_before import SHOWN, folders_of
 from helios_eval.report.requested_episodes import commands_of, requests_of
 from helios_eval.report.run_description import RUN, run_of
 from helios_eval.report.skipped_homes import WITHOUT_TASK
+from helios_eval.runs.played_with import ALL_VERSIONS, FILES, versions_of
 
-# Fields that may differ between two plays of an episode, or that former records lack.
-_PASSING = {"wall_s", "step_ms", "cpu_s", "stage_ms", "beliefs", "commit", "reported_cause"}
+# Fields that may differ between two plays of an episode.
+_PASSING = frozenset(
+    {"wall_s", "step_ms", "cpu_s", "stage_ms", "beliefs", "commit", "reported_cause"}
+)
 
 
 def episodes(folders: Sequence[Path]) -> list[EpisodeRecord]:
@@ -33,7 +36,7 @@ def episodes(folders: Sequence[Path]) -> list[EpisodeRecord]:
 
     An episode that could not be played gives way to one that was. Raises UsageError if one of
     several folders holds none, and InvalidInput if two folders differ on an episode, on the content
-    of a preset or noise table, or on the settings of an agent.
+    of a preset, noise table or file of a setting, or on the settings of an agent.
     """
     _check_same_content(folders)
     found: dict[str, tuple[EpisodeRecord, Path]] = {}
@@ -50,12 +53,23 @@ def episodes(folders: Sequence[Path]) -> list[EpisodeRecord]:
                 if record.was_played:
                     found[record.key] = record, folder
                 continue
-            if first.model_dump(exclude=_PASSING) != record.model_dump(exclude=_PASSING):
+            if fields := differing_fields(first, record):
                 raise InvalidInput(
                     f"seed {record.seed} of {record.agent} went differently in {where} and in "
-                    f"{folder}; leave one of them out"
+                    f"{folder} ({', '.join(fields)}); leave one of them out"
                 )
     return [record for record, _ in found.values()]
+
+
+def differing_fields(first: EpisodeRecord, second: EpisodeRecord) -> list[str]:
+    """Names of the fields in which two plays of an episode went differently, sorted.
+
+    Fields that one of the records lacks are not compared: former records lack some, and packed
+    ones those with the default value.
+    """
+    both = (first.model_fields_set & second.model_fields_set) - _PASSING
+    pairs = {name: (getattr(first, name), getattr(second, name)) for name in sorted(both)}
+    return [name for name, (a, b) in pairs.items() if None not in (a, b) and a != b]
 
 
 def _check_same_content(folders: Sequence[Path]) -> None:
@@ -66,8 +80,10 @@ def _check_same_content(folders: Sequence[Path]) -> None:
             content["preset", record.preset] = record.preset_hash
             if record.noise is not None:
                 content["noise table", record.noise.table] = record.noise.digest
-        for agent, settings in run_of(folder).get("ran_with", {}).items():
+        described = run_of(folder)
+        for agent, settings in described.get("ran_with", {}).items():
             content |= {("setting", agent, name): value for name, value in settings.items()}
+        content |= {("file of", name): value for name, value in described.get(FILES, {}).items()}
         for what, value in content.items():
             first, where = known.setdefault(what, (value, folder))
             if first != value:
@@ -101,7 +117,22 @@ def run(folders: Sequence[Path]) -> dict[str, Any]:
     for key, seeds in ((k, s) for r in described for k, s in r.get(WITHOUT_TASK, {}).items()):
         skipped[key] = sorted({*skipped.get(key, ()), *seeds})
     together |= {"ran_with": ran} if ran else {}
+    together |= _merged(described)
     return shared | together | ({WITHOUT_TASK: skipped} if skipped else {})
+
+
+def _merged(described: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Files of settings and steps of several `run.json`, and versions if there are several."""
+    versions = [v for r in described for v in versions_of(r)]
+    files: dict[str, str] = {}
+    shown: dict[str, list[int]] = {}
+    for r in described:
+        files |= r.get(FILES, {})
+        for arm, numbers in r.get(SHOWN, {}).items():
+            shown[arm] = max(shown.get(arm, []), numbers, key=len)
+    every = [v for k, v in enumerate(versions) if v not in versions[:k]]
+    made = {ALL_VERSIONS: every if len(every) > 1 else [], FILES: files, SHOWN: shown}
+    return {key: value for key, value in made.items() if value}
 
 
 def pack(folder: Path, records: Sequence[EpisodeRecord], run: dict[str, Any]) -> None:

@@ -16,7 +16,7 @@ import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,8 @@ from rich.table import Table
 
 from helios_eval.episodes.episode_record import EpisodeRecord, Noise
 from helios_eval.episodes.episode_spec import DEFAULT_SCORER, SCORER, noise_of
+from helios_eval.report import number_format
+from helios_eval.report.interval_statistics import Interval, json_bounds, paired_ratio
 from helios_eval.runs.evaluation_run import Run, run
 from helios_eval.runs.results import UNLIMITED
 from helios_eval.studies.development_homes import homes
@@ -62,32 +64,24 @@ class Factors:
 
 @dataclass(frozen=True)
 class Kept:
-    """Share of the ground-truth result that remains under noise, with a 95 % interval."""
+    """Share of the ground-truth result that remains under noise, with its 95 % interval."""
 
     metric: str
     factors: str
     truth: float
     noisy: float
-    ratio: float
-    low: float
-    high: float
+    ratio: Interval
+
+    def to_json(self) -> dict[str, str | float | None]:
+        """Fields for JSON; None where a value or bound is undefined or infinite."""
+        value, low, high = json_bounds(self.ratio)
+        return vars(self) | {"ratio": value, "low": low, "high": high}
 
 
-def kept(
-    metric: str, factors: str, truth: Sequence[bool], noisy: Sequence[bool], seed: int = 0
-) -> Kept:
-    """Kept share over the same episodes in the same order.
-
-    The interval is a bootstrap over episodes.
-    """
-    pairs = np.array([truth, noisy], float)
-    rng = np.random.default_rng(seed)
-    drawn = pairs[:, rng.integers(0, pairs.shape[1], (2000, pairs.shape[1]))].mean(-1)
-    ratios = drawn[1] / np.maximum(drawn[0], 1e-9)
-    low, high = (float(v) for v in np.quantile(ratios, [0.025, 0.975]))
-    mean = pairs.mean(1)
-    ratio = float(mean[1] / max(mean[0], 1e-9))
-    return Kept(metric, factors, float(mean[0]), float(mean[1]), ratio, low, high)
+def kept(metric: str, factors: str, truth: Sequence[bool], noisy: Sequence[bool]) -> Kept:
+    """Kept share over the same episodes in the same order, as `paired_ratio`."""
+    t, n = np.array(truth, np.float64), np.array(noisy, np.float64)
+    return Kept(metric, factors, float(t.mean()), float(n.mean()), paired_ratio(n, t))
 
 
 def scaled_table(table: str, factors: Factors) -> str:
@@ -150,8 +144,10 @@ def show(found: Sequence[Kept], wanted: Mapping[str, float], console: Console) -
             k.metric,
             f"{k.truth:.3f}",
             f"{k.noisy:.3f}",
-            f"{k.ratio:.3f}",
-            f"{k.low:.2f}-{k.high:.2f}",
+            number_format.number(k.ratio.value, 3),
+            number_format.bounds(k.ratio.low, k.ratio.high, 2)
+            if k.ratio.has_bounds
+            else number_format.NONE,
             f"{wanted[k.metric]:.3f}",
         )
     console.print(table)
@@ -175,7 +171,7 @@ def main() -> int:
         print(f"helios-severity: {error.message}", file=sys.stderr)
         return 1
     show(found, WANTED, console)
-    write_file(asked.out / "severity.json", json.dumps([asdict(k) for k in found], indent=1))
+    write_file(asked.out / "severity.json", json.dumps([k.to_json() for k in found], indent=1))
     return 0
 
 

@@ -16,7 +16,7 @@ import os
 import re
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from importlib import resources
 from pathlib import Path
@@ -35,6 +35,8 @@ from rich.table import Table
 from helios_eval.episodes.episode_record import EpisodeRecord, Semantics, Setting
 from helios_eval.episodes.episode_spec import noise_of
 from helios_eval.episodes.home_presets import noise_of as noise_of_preset
+from helios_eval.report import number_format
+from helios_eval.report.interval_statistics import Interval, json_bounds, paired_ratio
 from helios_eval.runs.evaluation_run import Run, run
 from helios_eval.runs.results import UNLIMITED
 from helios_eval.studies.development_homes import homes
@@ -47,7 +49,7 @@ VALUE_MAP = "vlfm"
 
 @dataclass(frozen=True)
 class Ratio:
-    """SPL of VLFM by that of random frontiers over the same homes, with a 95 % interval."""
+    """SPL of VLFM by that of random frontiers over the same homes, with its 95 % interval."""
 
     spread: str
     homes: int
@@ -55,30 +57,25 @@ class Ratio:
     vlfm_spl: float
     random_success: float
     vlfm_success: float
-    ratio: float
-    low: float
-    high: float
+    ratio: Interval
+
+    def to_json(self) -> dict[str, str | float | None]:
+        """Fields for JSON; None where a value or bound is undefined or infinite."""
+        value, low, high = json_bounds(self.ratio)
+        return vars(self) | {"ratio": value, "low": low, "high": high}
 
 
-def ratio_of(
-    spread: str, random: Sequence[EpisodeRecord], vlfm: Sequence[EpisodeRecord], seed: int = 0
-) -> Ratio:
-    """Ratio over the episodes in the same order; the interval is a bootstrap over homes."""
-    pairs = np.array([[r.spl for r in random], [r.spl for r in vlfm]])
-    rng = np.random.default_rng(seed)
-    drawn = pairs[:, rng.integers(0, pairs.shape[1], (2000, pairs.shape[1]))].mean(-1)
-    low, high = np.quantile(drawn[1] / np.maximum(drawn[0], 1e-9), [0.025, 0.975])
-    spl_random, spl_vlfm = pairs.mean(1)
+def ratio_of(spread: str, random: Sequence[EpisodeRecord], vlfm: Sequence[EpisodeRecord]) -> Ratio:
+    """Ratio over the episodes in the same order, as `paired_ratio`."""
+    spl_random, spl_vlfm = (np.array([r.spl for r in records]) for records in (random, vlfm))
     return Ratio(
         spread,
-        pairs.shape[1],
-        float(spl_random),
-        float(spl_vlfm),
+        len(random),
+        float(spl_random.mean()),
+        float(spl_vlfm.mean()),
         float(np.mean([r.success for r in random])),
         float(np.mean([r.success for r in vlfm])),
-        float(spl_vlfm / max(spl_random, 1e-9)),
-        float(low),
-        float(high),
+        paired_ratio(spl_vlfm, spl_random),
     )
 
 
@@ -138,8 +135,10 @@ def show(found: Sequence[Ratio], console: Console) -> None:
             f"{r.vlfm_spl:.3f}",
             f"{r.random_success:.3f}",
             f"{r.vlfm_success:.3f}",
-            f"{r.ratio:.2f}",
-            f"{r.low:.2f}-{r.high:.2f}",
+            number_format.number(r.ratio.value, 2),
+            number_format.bounds(r.ratio.low, r.ratio.high, 2)
+            if r.ratio.has_bounds
+            else number_format.NONE,
         )
     console.print(table)
 
@@ -164,7 +163,7 @@ def main() -> int:
         print(f"helios-scorer-severity: {error}", file=sys.stderr)
         return 1
     show(found, console)
-    write_file(asked.out / "severity.json", json.dumps([asdict(r) for r in found], indent=1))
+    write_file(asked.out / "severity.json", json.dumps([r.to_json() for r in found], indent=1))
     return 0
 
 

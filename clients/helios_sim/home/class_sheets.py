@@ -12,7 +12,6 @@ from pathlib import Path
 os.environ.setdefault("MUJOCO_GL", "egl")
 
 import cv2
-import mujoco
 import numpy as np
 
 from helios_sim.home.catalogs import CATALOGS
@@ -21,6 +20,7 @@ from helios_sim.home.home_pictures import Image, grid, write_picture
 from helios_sim.home.home_types import Shape
 from helios_sim.home.mujoco_model import GROUP_FURNITURE, ModelBuilder
 from helios_sim.home.shape_variation import Maker
+from helios_sim.mujoco_library import mujoco
 
 _TILE_PX = (300, 130)  # width, height
 _EACH = 4

@@ -4,7 +4,6 @@ import hashlib
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +18,7 @@ from helios_sim.home.home_types import (
     SceneObject,
 )
 from helios_sim.home.presets import HomePreset
+from helios_sim.mujoco_library import mujoco
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from pathlib import Path
 os.environ.setdefault("MUJOCO_GL", "egl")
 
 import cv2
-import mujoco
 import numpy as np
 from helios_core.atomic_file import write_file
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from helios_sim.home import PRESETS, Home, Receptacle, generate_home
 from helios_sim.home.freespace import footprint
 from helios_sim.home.mujoco_model import GROUP_CEILING, GROUP_COLLISION
+from helios_sim.mujoco_library import mujoco
 
 Image = NDArray[np.uint8]
 

@@ -6,7 +6,6 @@ Geom groups: 0 structure, 1 ceiling, 2 furniture and objects (all drawn), 3 coll
 import math
 from collections.abc import Iterable
 
-import mujoco
 import numpy as np
 
 from helios_sim.home import floor_plans, freespace, textures, wall_meshes
@@ -23,6 +22,7 @@ from helios_sim.home.home_types import (
     SceneObject,
     Visual,
 )
+from helios_sim.mujoco_library import mujoco
 
 TIMESTEP_S = 0.004
 GROUP_STRUCTURE, GROUP_CEILING, GROUP_FURNITURE, GROUP_COLLISION = range(4)

@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +11,7 @@ from helios_sim.home import freespace
 from helios_sim.home.freespace import CELL_M
 from helios_sim.home.generated_home import Home
 from helios_sim.home.home_types import SceneObject
+from helios_sim.mujoco_library import mujoco
 
 _SETTLE_S = 2.0
 _MAX_DRIFT_M = 0.04

@@ -12,7 +12,7 @@ _EDGE_M = 0.03
 
 
 class NoTask(InvalidInput):
-    """The home has no task of the classes that tasks may ask for."""
+    """The home has no task of the wanted kind; an evaluation skips it."""
 
 
 # Class names that in plain language also cover another class: a floor lamp is a lamp, an armchair
@@ -132,13 +132,13 @@ def sample_absent(
 
     likely: the classes to draw from -> receptacle classes on which an object of the class is
     likely. The start is one of these if the home has one, else any receptacle class of the home.
-    No name is AMBIGUOUS, and no class is ROLLING. Raises InvalidInput without a class, or with
-    fewer than two receptacle classes.
+    No name is AMBIGUOUS, and no class is ROLLING. Raises NoTask without a class, or with fewer
+    than two receptacle classes.
     """
     wanted = sorted(set(likely) - AMBIGUOUS - ROLLING)
     hosts = sorted({receptacle.class_name for receptacle in receptacles} - AMBIGUOUS)
     if not wanted or len(hosts) < 2:
-        raise InvalidInput(
+        raise NoTask(
             f"no task asks for an absent object: {len(wanted)} classes are absent, and the home "
             f"has {len(hosts)} kinds of receptacles; wanted at least 1 and 2; take another home"
         )

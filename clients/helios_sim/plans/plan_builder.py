@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from helios_core.errors import InvalidInput
@@ -138,11 +139,9 @@ def drawn_home(source: PlanSource, furniture_models: FurnitureModels | None = No
     """
     with PlanArchive(source.path) as archive:
         now = PlanSource.of(source.path, source.level)
-        if archive.sha256 != source.sha256 or now.things_sha256 != source.things_sha256:
-            raise InvalidInput(
-                f"{source.path} is no longer the file it was ({source.sha256[:12]}, now "
-                f"{archive.sha256[:12]}); start again with the new file"
-            )
+        _check_same(source.path, source.sha256, archive.sha256)
+        beside = household_file.path_beside(source.path)
+        _check_same(beside, source.things_sha256, now.things_sha256)
         plan = read_plan(archive, source.level)
         catalog = CATALOGS[OVMM_V1.catalog]
         if furniture_models is not None:
@@ -151,6 +150,15 @@ def drawn_home(source: PlanSource, furniture_models: FurnitureModels | None = No
         palette = draw_palette(rng)
         return _Builder(plan, preset_of(source), palette, rng).build(
             PieceShapes(archive, catalog, palette)
+        )
+
+
+def _check_same(path: Path, then: str, now: str) -> None:
+    """Compare the digests of a file, empty without it. Raises InvalidInput if they differ."""
+    if then != now:
+        raise InvalidInput(
+            f"{path} is no longer the file it was ({then[:12] or 'none'}, now "
+            f"{now[:12] or 'none'}); start again with the new file"
         )
 
 

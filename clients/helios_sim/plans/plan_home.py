@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field
 
-import mujoco
 import numpy as np
 
 from helios_sim.home import freespace, mujoco_model, task_sampling
 from helios_sim.home.freespace import Obstacle
 from helios_sim.home.generated_home import Home, feed
 from helios_sim.home.home_types import Episode
+from helios_sim.mujoco_library import mujoco
 from helios_sim.plans import plan_structure
 from helios_sim.plans.plan_structure import PlanDoor
 from helios_sim.plans.wall_blocks import WallBlock

@@ -34,11 +34,13 @@ service_router = APIRouter(tags=["health"], responses=problems())
 robots_router = APIRouter(prefix="/v1/robots", tags=["robot"], responses=problems())
 
 
+@router.head("/healthz", include_in_schema=False)
 @router.get("/healthz", summary="Liveness check of the gateway", responses=problems())
 async def healthz() -> api_models.HealthAnswer:
     return api_models.HealthAnswer()
 
 
+@router.head("/readyz", include_in_schema=False)
 @router.get(
     "/readyz",
     summary="Readiness check",

@@ -121,6 +121,18 @@ def pose_from_proto(pose: PoseInFrame, what: str) -> Matrix:
     return out
 
 
+def depth_to_mm(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Depth [h, w] in metres as little-endian millimetres, rounded to the nearest.
+
+    Beyond 65.535 m, and for infinity, it is 65535; for negative numbers and NaN 0 (no depth).
+    """
+    depth_mm = depth_m * np.float32(1000)
+    np.clip(depth_mm, 0, 65535, out=depth_mm)
+    np.rint(depth_mm, out=depth_mm)
+    depth_mm[np.isnan(depth_mm)] = 0
+    return depth_mm.astype("<u2")
+
+
 def frame_to_proto(frame: Frame) -> pb.Frame:
     """Message of a frame: colour as rgb8, depth as 16UC1 millimetres (exact for such sensors)."""
     out = frame_message(frame)
@@ -132,10 +144,7 @@ def frame_to_proto(frame: Frame) -> pb.Frame:
 def frame_message(frame: Frame) -> ImageMessage[pb.Frame]:
     """As `frame_to_proto`, with the images apart. Colour is a view of the frame's array."""
     color = np.ascontiguousarray(frame.color)
-    depth_mm = frame.depth_m * np.float32(1000)
-    np.clip(depth_mm, 0, 65535, out=depth_mm)
-    np.rint(depth_mm, out=depth_mm)
-    images = {"raw_color": color, "raw_depth": depth_mm.astype("<u2")}
+    images = {"raw_color": color, "raw_depth": depth_to_mm(frame.depth_m)}
     return ImageMessage(
         _frame_head(frame), {f: memoryview(a.reshape(-1).view(np.uint8)) for f, a in images.items()}
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +14,9 @@ from helios_bridge.driver_guard import GuardedDriver
 from helios_bridge.service import BridgeService
 from helios_bridge.settings import Settings
 from helios_core import proto as pb
+from helios_core.codec import frame_from_proto
 from helios_core.errors import HeliosError, Internal, InvalidInput, Unavailable
+from helios_core.geometry import Pinhole
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.robot import Action, ActionResult, Capture, Turn
@@ -21,7 +24,7 @@ from helios_core.topics import FRAME, GET_STATE, STOP
 from helios_core.types import RobotDescription, RobotState
 
 from tests.support import wait_until
-from tests.unit.bridge.bridge_stage import LineRobot, Stage
+from tests.unit.bridge.bridge_stage import CAMERA, LineRobot, Stage
 
 ME = f"{__name__}:Misbehaving"
 
@@ -200,14 +203,36 @@ def test_a_robot_that_is_away_is_logged_once_and_not_with_every_state(
         ({"camera": (8, 8)}, "camera is a tuple; give a Pinhole"),
         ({"T_world_cam": None}, "T_world_cam is a NoneType"),
         ({"stamp_ns": 1.5}, "stamp_ns is a float; give an int"),
+        ({"stamp_ns": True}, "stamp_ns is a bool; give an int"),
         ({"T_world_base": np.eye(4).tolist()}, "T_world_base is a list"),
+        ({"stamp_ns": 2**63}, "stamp_ns is 9223372036854775808; give the robot's clock in nanos"),
+        ({"stamp_ns": -(10**30)}, "stamp_ns is -1000000000000000000000000000000; give the robot's"),
+        ({"camera": replace(CAMERA, fx=0.0)}, "the driver's camera is wrong: .* fx 0.0, fy 8.0"),
+        ({"camera": replace(CAMERA, fy=math.nan)}, "the driver's camera is wrong: .* fy nan"),
+        ({"camera": replace(CAMERA, cx=1e6)}, "the driver's camera is wrong: .*centre"),
+        ({"camera": replace(CAMERA, cy="6")}, r"camera\.cy is '6'; give a number of pixels"),
+        ({"camera": replace(CAMERA, width=16.0)}, r"camera\.width is 16\.0; give an int of pixels"),
+        ({"camera": replace(CAMERA, height=-1)}, r"camera\.height is -1; give an int of pixels"),
+        ({"camera": replace(CAMERA, width=2**40)}, r"camera\.width is 1099511627776; give"),
     ],
 )
-def test_an_image_with_a_field_of_a_wrong_type_is_refused(wrong: dict[str, Any], said: str) -> None:
+def test_an_image_with_a_field_of_a_wrong_type_or_value_is_refused(
+    wrong: dict[str, Any], said: str
+) -> None:
     robot = Misbehaving()
     robot.gives["capture"] = replace(LineRobot().capture(), **wrong)
     with pytest.raises(InvalidInput, match=said):
         Stage(robot).bridge._publisher.capture_and_wait(keyframe=False)
+
+
+def test_an_image_with_numbers_of_numpy_is_published() -> None:
+    camera = Pinhole(*(np.float32(v) for v in (8, 8, 8, 6)), np.int64(16), np.int64(12))  # type: ignore[arg-type]
+    robot = Misbehaving()
+    robot.gives["capture"] = replace(LineRobot().capture(), camera=camera, stamp_ns=np.int64(7))
+    stage = Stage(robot)
+    stage.bridge._publisher.capture_and_wait(keyframe=True)
+    frame = frame_from_proto(stage.keyframes[0])
+    assert (frame.camera, frame.stamp_ns) == (CAMERA, 7)
 
 
 def test_an_image_after_an_action_ends_the_report_that_no_image_comes() -> None:

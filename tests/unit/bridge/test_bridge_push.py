@@ -148,6 +148,17 @@ def test_a_search_context_is_published_once_and_again_when_the_classes_change() 
     assert len({context.id for context in rig.contexts}) == 2
 
 
+def test_a_push_gets_its_search_back_after_another_client_began_one() -> None:
+    rig = Rig()
+    rig.push(pushed(), classes=("mug",))
+    rig.other.publish(CONTEXT, pb.SearchContext(id="a task"))
+    rig.push(pushed())  # without classes: as before, which is the task's search
+    for _ in range(2):
+        rig.push(pushed(), classes=("mug",))
+    assert [[c.name for c in context.classes] for context in rig.contexts] == [["mug"], [], ["mug"]]
+    assert len({context.id for context in rig.contexts}) == 3
+
+
 def test_a_frame_without_depth_is_accepted_if_depth_is_estimated() -> None:
     rig, frame = Rig(depth="estimated"), pushed()
     frame.ClearField("raw_depth")

@@ -26,6 +26,7 @@ from helios_core.codec import (
     observation_from_proto,
     observation_to_proto,
 )
+from helios_core.codec.frames import depth_to_mm
 from helios_core.codec.images import encoded_size
 from helios_core.errors import HeliosError, InvalidInput
 from helios_core.geometry import Pinhole, camera_on_base, se2_to_se3
@@ -366,3 +367,19 @@ def test_a_description_round_trips_through_its_message() -> None:
 def test_the_image_size_is_read_from_the_file_header(suffix: str, size: tuple[int, int]) -> None:
     data = cv2.imencode(suffix, np.zeros(size, np.uint8))[1].tobytes()
     assert encoded_size(data) == (size[1], size[0])
+
+
+def test_depth_in_millimetres_is_exact_for_such_sensors_and_never_wraps_around() -> None:
+    every = np.arange(65536, dtype=np.float32)
+    np.testing.assert_array_equal(depth_to_mm(every * np.float32(0.001)), every)
+    for depth_m, wanted in (
+        (65.5351, 65535), (66.0, 65535), (np.inf, 65535), (1.0005001, 1001), (-0.001, 0),
+        (-np.inf, 0), (np.nan, 0),
+    ):  # fmt: skip
+        assert depth_to_mm(np.full((1, 1), depth_m, np.float32)) == wanted
+
+
+@given(st.floats(0.0, 65.5, width=32))
+def test_depth_that_fits_is_rounded_to_the_nearest_millimetre(depth_m: float) -> None:
+    depth = np.full((1, 1), depth_m, np.float32)
+    assert depth_to_mm(depth) == np.rint(depth * np.float32(1000.0)).astype("<u2")

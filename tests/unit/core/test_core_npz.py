@@ -9,7 +9,7 @@ import zipfile
 import numpy as np
 import pytest
 from helios_core.errors import InvalidInput
-from helios_core.npz_reading import unpacked
+from helios_core.npz_reading import one_array, unpacked
 
 
 def packed(**arrays: np.ndarray) -> bytes:
@@ -58,6 +58,8 @@ def test_a_compression_that_numpy_does_not_use_is_refused() -> None:
         file.writestr("zeros.npy", array.getvalue())
     with pytest.raises(InvalidInput, match=r"numpy\.savez"):
         unpacked(stream.getvalue())
+    with pytest.raises(InvalidInput, match=r"ZIP method 12; .*numpy\.savez"):
+        one_array(stream.getvalue(), "zeros", 10_000)
 
 
 @pytest.mark.parametrize("data", [b"", b"no zip"], ids=["empty", "no zip"])

@@ -2,6 +2,7 @@
 
 import numpy as np
 from helios_eval.episodes.episode_record import Belief, EpisodeRecord, Noise
+from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.episodes.home_presets import digest_of
 
 
@@ -31,6 +32,15 @@ def record(seed: int, beliefs: tuple[Belief, ...] = (), **chosen) -> EpisodeReco
         "preset_hash": digest_of("ovmm-v1"), "structure_hash": "s",
     }  # fmt: skip
     return EpisodeRecord.model_validate({**facts, **chosen, "beliefs": beliefs})
+
+
+def record_of(spec: EpisodeSpec, **chosen) -> EpisodeRecord:
+    """A successful record with the key of a specification."""
+    facts = {
+        "benchmark": spec.benchmark, "agent": spec.agent, "semantics": spec.semantics,
+        "preset": spec.preset, "noise": spec.noise, "settings": spec.settings,
+    }  # fmt: skip
+    return record(spec.seed, **facts | chosen)
 
 
 def episodes(

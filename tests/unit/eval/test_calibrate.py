@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 import cv2
 import numpy as np
@@ -15,6 +16,7 @@ from helios_core.errors import InvalidInput
 from helios_core.household_names import OBJECTS
 from helios_core.types import Detection, Frame, SearchContext
 from helios_detector.backend import DetectorBackend, DetectorOptions, Findings
+from helios_eval.error_models import simulated_homes
 from helios_eval.error_models.model_building import score_points
 from helios_eval.error_models.named_things import KnownPlace, NamedThing, with_places
 from helios_eval.error_models.recordings import look_at_recordings, read_places
@@ -101,6 +103,25 @@ class Stickers(DetectorBackend):
 def things(folder: Path) -> Sequence[NamedThing]:
     quiet = ObjectMapSettings(side_views=2.0)
     return look_at_recordings([folder], HERE, (), 1, quiet, lambda _: None).things
+
+
+def test_a_detector_is_closed_also_after_an_error(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closed: list[Stickers] = []
+    monkeypatch.setattr(Stickers, "close", lambda model: closed.append(model))
+
+    def broken(*_: object) -> NoReturn:
+        raise InvalidInput("no more")
+
+    quiet = ObjectMapSettings(side_views=2.0)
+    with pytest.raises(InvalidInput, match="no more"):
+        look_at_recordings([folder], HERE, (), 1, quiet, broken)
+    assert len(closed) == 1
+    monkeypatch.setattr(simulated_homes, "generate_home", broken)
+    with pytest.raises(InvalidInput, match="no more"):
+        simulated_homes.look_at_homes(HERE, [0], "demo-v1", 1, 1, quiet, print)
+    assert len(closed) == 3  # with that which named its vocabulary
 
 
 def test_detections_that_share_voxels_are_one_thing(things: Sequence[NamedThing]) -> None:

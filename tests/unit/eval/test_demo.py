@@ -40,6 +40,18 @@ def test_a_port_that_does_not_exist_is_refused_by_the_parser(
     assert f"{port} is no port; wanted 1 to 65535" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("seed", "status"), [(-1, 1), (0, 0), (999, 0), (1000, 1)])
+def test_the_demo_plays_homes_for_development_only(
+    seed: int, status: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = Mock(return_value=RESULT | {"success": True})
+    monkeypatch.setattr(demo, "run", run)
+    monkeypatch.setattr("sys.argv", ["helios-demo", f"--seed={seed}"])
+    assert demo.main() == status
+    assert run.called == (status == 0)
+    assert ("enters them in the ledger" in capsys.readouterr().err) == (status == 1)
+
+
 def test_an_ended_stack_is_an_error_even_if_another_stack_answers_as_ready(tmp_path: Path) -> None:
     log = tmp_path / "up.log"
     log.write_text("helios: port 8080 is in use")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helios_client import cli
@@ -108,8 +109,25 @@ def test_an_episode_with_different_results_in_two_folders_is_refused_by_name(
     same = folder(tmp_path / "same", [episode(1, wall_s=9.0, commit="another")])
     assert len(merge_runs.episodes([one, same])) == 2
     other = folder(tmp_path / "other", [episode(1, steps=3)])
-    with pytest.raises(InvalidInput, match="seed 1 of helios-paper went differently"):
+    with pytest.raises(InvalidInput, match=r"seed 1 of helios-paper went differently.*steps"):
         merge_runs.episodes([one, other])
+
+
+def test_an_episode_goes_with_its_replay_although_its_former_record_lacks_fields(
+    tmp_path: Path,
+) -> None:
+    new: dict[str, Any] = {"wrong_picks": 0, "shortest_path_m": 4.0, "absence": ()}
+    again = folder(tmp_path / "again", [episode(0, **new)])
+    nulls = folder(tmp_path / "nulls", [episode(0, wrong_picks=None, shortest_path_m=None)])
+    merge_runs.pack(tmp_path / "packed", [episode(0)], {})
+    for former in (nulls, tmp_path / "packed"):
+        for order in ([former, again], [again, former]):
+            (only,) = merge_runs.episodes(order)
+            assert only.seed == 0
+    new["wrong_picks"] = 1
+    other = folder(tmp_path / "other", [episode(0, **new)])
+    with pytest.raises(InvalidInput, match="wrong_picks"):
+        merge_runs.episodes([again, other])
 
 
 def test_merging_folders_needs_an_output_folder_that_holds_no_run(

@@ -11,9 +11,11 @@ from helios_client import cli
 from helios_client.usage_errors import UsageError
 from helios_core.errors import InvalidInput
 from helios_eval.episodes.episode_player import play
+from helios_eval.episodes.episode_record import Benchmark, Setting
 from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec
 from helios_eval.episodes.plan_homes import plan_homes
 from helios_eval.episodes.run_conditions import parse_condition
+from helios_eval.episodes.worker import Skipped, play_safely
 from helios_eval.report.failure_causes import replay
 from helios_eval.runs.evaluation_run import (
     Run,
@@ -52,6 +54,18 @@ def test_a_record_carries_the_name_and_the_digest_of_its_plan(tmp_path: Path) ->
     assert record.home_file == spec.home_file
     assert record.preset_hash == file_sha256(plan)
     assert "--homes flat.sh3d" in replay(record)
+
+
+@pytest.mark.parametrize(("benchmark", "absent"), [("objectnav", 0.0), ("ovmm", 1.0)])
+def test_a_plan_without_a_task_of_the_wanted_kind_is_skipped(
+    benchmark: Benchmark, absent: float, tmp_path: Path
+) -> None:
+    under = _parse(write_plan(tmp_path / "bare.sh3d", (TWO_ROOMS, door(400, 250))))
+    settings: dict[str, Setting] = {"absent": absent} if absent else {}
+    spec = EpisodeSpec(
+        benchmark, WALKER, "ground-truth", under.preset, 3, None, settings, under.inputs
+    )
+    assert isinstance(play_safely(spec, "here"), Skipped)
 
 
 def test_a_folder_of_plans_takes_turns(tmp_path: Path) -> None:

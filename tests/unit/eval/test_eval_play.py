@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 import threading
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import pytest
-from helios_core.errors import Unavailable
+from helios_core.errors import InvalidInput, Unavailable
 from helios_eval import provenance
-from helios_eval.episodes.episode_player import PlayedEpisode, play
+from helios_eval.episodes.episode_player import PlayedEpisode, play, running_stack
 from helios_eval.episodes.episode_record import EpisodeRecord, Semantics
 from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec, noise_of
 from helios_eval.runs.process_pool import play_all
+from helios_planner.service import PlannerService
 
 NOISE = noise_of("demo-v1", 1.0, None)
 TIMES = frozenset({"wall_s", "step_ms", "cpu_s", "stage_ms", "commit"})
@@ -107,6 +110,46 @@ def test_an_episode_leaves_no_files_and_no_threads(
     play(spec(steps=2), "here")
     assert not list(tmp_path.iterdir())
     assert not {t.name for t in set(threading.enumerate()) - before}
+
+
+def test_a_stack_that_cannot_open_leaves_no_files_and_no_threads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    before = set(threading.enumerate())
+    with pytest.raises(InvalidInput, match="no scorer table 'nope'"):
+        play(replace(spec(), settings={"detector.scorer": "simulated:nope"}), "here")
+    assert not list(tmp_path.iterdir())
+    assert not {t.name for t in set(threading.enumerate()) - before}
+
+
+def test_every_service_ends_although_one_cannot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    before, close = set(threading.enumerate()), PlannerService.close
+
+    def broken(service: PlannerService) -> None:
+        close(service)
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(PlannerService, "close", broken)
+    with pytest.raises(OSError, match="the disk is full"):
+        play(spec(steps=2), "here")
+    assert not list(tmp_path.iterdir())
+    assert not {t.name for t in set(threading.enumerate()) - before}
+
+
+def test_variables_of_a_robot_have_no_effect_on_a_stack_that_films(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("HELIOS_DETECTOR_SCORER", "simulated:nope")
+    threads = cv2.getNumThreads()
+    with running_stack(spec(steps=1)):
+        assert "HELIOS_DETECTOR_SCORER" not in os.environ
+        assert cv2.getNumThreads() == 1
+    assert os.environ["HELIOS_DETECTOR_SCORER"] == "simulated:nope"
+    assert cv2.getNumThreads() == threads
 
 
 def test_the_walker_solves_the_task_with_ground_truth() -> None:

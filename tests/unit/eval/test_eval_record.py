@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 from eval_constructed_records import belief, record
-from helios_core.errors import InvalidInput
+from helios_client import cli
+from helios_core.errors import InvalidInput, Unavailable
 from helios_eval.episodes import episode_record as records
+from helios_eval.report.run_description import run_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -35,6 +37,27 @@ def test_a_torn_last_line_loses_only_its_record(
     assert records.read(folder) == ([FIRST, SECOND, THIRD] if whole else [FIRST, THIRD])
     records.append(folder, SECOND)
     assert {r.seed for r in records.read(folder)} == {1, 2, 3}
+
+
+@pytest.mark.parametrize("name", [records.EPISODES, records.PACKED])
+def test_a_file_that_cannot_be_read_is_named_as_such(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / name).mkdir()
+    with pytest.raises(Unavailable, match=f"{name} cannot be read .*; make it a readable file"):
+        records.read(tmp_path)
+    for command in (["report"], ["calibration", "--out", str(tmp_path / "out")]):
+        assert cli.run(["eval", *command, str(tmp_path)]) == 1
+        said = capsys.readouterr().err
+        assert f"{name} cannot be read" in said
+        assert "cannot write" not in said
+
+
+def test_a_description_that_cannot_be_read_is_named_as_such(tmp_path: Path) -> None:
+    assert run_of(tmp_path) == {}
+    (tmp_path / "run.json").mkdir()
+    with pytest.raises(Unavailable, match=r"run\.json cannot be read"):
+        run_of(tmp_path)
 
 
 def test_the_last_record_of_a_key_counts(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from eval_constructed_records import record
 from helios_core.errors import InvalidInput
 from helios_eval.runs import results
 from helios_eval.runs.results import UNLIMITED
-from helios_sim.failure_causes import OBJECT_NOT_FOUND
+from helios_sim.failure_causes import OBJECT_NOT_FOUND, SYSTEM_ERROR
 
 GAVE_UP: dict[str, Any] = {"state": "failed", "reported_cause": OBJECT_NOT_FOUND}
 NAMES = [
@@ -133,3 +133,10 @@ def test_rates_of_absent_targets_without_a_present_one() -> None:
 def test_picks_are_a_number_or_unlimited(text: str) -> None:
     with pytest.raises(InvalidInput, match="picks"):
         results.picks_of(text)
+
+
+def test_steps_are_means_over_the_episodes_that_were_played() -> None:
+    never = {"structure_hash": "", "cause": SYSTEM_ERROR, "steps": 0, "success": False}
+    (row,) = results.rows([record(0, steps=100), record(1, **never)], [UNLIMITED])
+    assert row["metrics"]["steps"] == {"mean": 100.0, "sem": None, "n": 1}
+    assert row["metrics"]["SR"]["mean"] == 0.5

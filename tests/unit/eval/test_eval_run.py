@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 from collections.abc import Generator, Sequence
+from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -21,9 +23,10 @@ from helios_eval.episodes.episode_player import PlayedEpisode
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.episodes.episode_spec import EpisodeSpec, noise_of
 from helios_eval.runs import evaluation_run as runs
-from helios_eval.runs import merge_runs, results
+from helios_eval.runs import merge_runs, played_with, results
 from helios_eval.runs.evaluation_run import Run, run
 from helios_eval.runs.process_pool import Outcome
+from helios_objectmap import error_model
 from rich.console import Console
 
 from tests.full_disk import refuse_writing
@@ -308,3 +311,76 @@ def test_a_command_that_plays_nothing_keeps_the_commit_of_the_episodes(
     described = json.loads((tmp_path / "run.json").read_text())
     assert described["commit"] == "def5678"
     assert described["machines"] == ["the first machine", "another machine"]
+
+
+# --- libraries and files --------------------------------------------------------------------------
+def test_a_run_tells_that_earlier_episodes_were_played_with_other_libraries(
+    fake_pool: FakePool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(asked(tmp_path, 1), quiet())
+    here = played_with.versions_here()
+    newer = here | {"numpy": "9.9", "helios-ovmm": "9.9"}
+    monkeypatch.setattr(played_with, "versions_here", lambda: dict(newer))
+    told = []
+    for episodes in (1, 2):  # the first plays nothing
+        console = Console(file=StringIO(), width=80)
+        run(asked(tmp_path, episodes), console)
+        assert isinstance(console.file, StringIO)
+        told.append("Earlier episodes" in console.file.getvalue())
+    assert f"were played with numpy {here['numpy']} (here 9.9);" in console.file.getvalue()
+    assert told == [False, True]
+    described = json.loads((tmp_path / runs.RUN).read_text())
+    assert described["versions"] == newer
+    assert described["all_versions"] == [here, newer]
+    assert len(fake_pool.played) == 4
+
+
+def test_the_version_of_an_installed_program_counts_as_its_code() -> None:
+    run = {"versions": played_with.versions_here() | {"helios-ovmm": "0.0"}}
+    assert played_with.other_versions(run, "abc1234") == ""
+    assert played_with.other_versions(run, "unknown").startswith("helios-ovmm 0.0 (here ")
+
+
+@pytest.mark.parametrize("setting", ["detector.scorer", "objectmap.error_model"])
+def test_a_run_refuses_to_resume_if_a_file_that_a_setting_names_has_changed(
+    setting: str, fake_pool: FakePool, tmp_path: Path
+) -> None:
+    """The record has the file's name alone."""
+    table, out = tmp_path / "mine", tmp_path / "out"
+    if setting == "detector.scorer":
+        value, first = f"simulated:{table}", 'base = "itc-v1"\n'
+        second = 'base = "itc-v1"\nname = "mine"\n'
+    else:
+        value = str(table)
+        shipped = shipped_error_model()
+        first, second = shipped, shipped + "\n"
+    table.write_text(first)
+    other = replace(asked(out, 1), settings={setting: value})
+    run(other, quiet())
+    run(replace(other, episodes=2), quiet())
+    assert len(fake_pool.played) == 4
+    table.write_text(second)
+    run(asked(out, 1), quiet())  # episodes without the file
+    with pytest.raises(InvalidInput, match=f"another file of {setting}="):
+        run(replace(other, episodes=3), quiet())
+    assert len(fake_pool.played) == 6
+
+
+def shipped_error_model() -> str:
+    """Text of the first error model that is shipped."""
+    name = error_model.shipped_models()[0]
+    folder = Path(error_model.__file__).parent / "error_models"
+    return (folder / f"{name}.json").read_text()
+
+
+def test_runs_with_other_contents_of_a_file_are_not_reported_together(
+    fake_pool: FakePool, tmp_path: Path
+) -> None:
+    table, folders = tmp_path / "mine.toml", [tmp_path / "a", tmp_path / "b"]
+    for folder, name in zip(folders, ("one", "two"), strict=True):
+        table.write_text(f'base = "itc-v1"\nname = "{name}"\n')
+        seed0 = len(fake_pool.played)
+        settings = {"detector.scorer": f"simulated:{table}"}
+        run(replace(asked(folder, 1), seed0=seed0, settings=settings), quiet())
+    with pytest.raises(InvalidInput, match=r"file of detector\.scorer=.* report them apart"):
+        merge_runs.episodes(folders)

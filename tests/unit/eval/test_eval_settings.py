@@ -33,6 +33,12 @@ def test_a_setting_is_found_by_its_name_and_keeps_its_type() -> None:
     }
 
 
+def test_none_is_a_word_unless_the_setting_may_be_nothing() -> None:
+    found = service_settings.parsed(["landmarks=none", "detector.depth=none", "floor_m=none"])
+    assert service_settings.of_service("detector", found) == {"landmarks": "none", "depth": "none"}
+    assert service_settings.of_service("objectmap", found) == {"floor_m": None}
+
+
 def test_a_default_value_does_not_count_as_a_setting() -> None:
     """An episode with the default set explicitly equals one without."""
     found = service_settings.parsed(["alpha_d=0.001", "margins_m=0.08,0.05,0.025", "tau_g=0.6"])

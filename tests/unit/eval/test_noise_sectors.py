@@ -1,12 +1,18 @@
-"""Tests the study of errors by viewing sector, and the scaled tables of the severity study."""
+"""Tests the study of errors by viewing sector, and the studies of the severity of errors."""
 
 import io
+import json
+import math
 
+import numpy as np
 import pytest
+from eval_constructed_records import record
 from helios_core.errors import InvalidInput
-from helios_eval.studies import noise_sectors
+from helios_eval.report.interval_statistics import paired_ratio
+from helios_eval.studies import noise_sectors, noise_severity, scorer_severity
 from helios_eval.studies.noise_plot import alike, view_table
-from helios_eval.studies.noise_severity import Factors, scaled_table
+from helios_eval.studies.noise_severity import Factors, kept, scaled_table
+from helios_eval.studies.scorer_severity import ratio_of
 from rich.console import Console
 
 SECTORS, SMOOTH = view_table("ovmm-v1"), view_table("ovmm-v1-smooth")
@@ -82,3 +88,59 @@ def test_the_severity_study_multiplies_the_scales_of_any_table_and_nothing_else(
 def test_the_severity_study_refuses_a_table_without_scales():
     with pytest.raises(InvalidInput, match="ovmm-v1"):
         scaled_table("demo-v1", Factors(1, 1, 1))
+
+
+def test_a_kept_share_has_the_interval_of_the_report():
+    truth, noisy = [True] * 12 + [False] * 4, [True] * 5 + [False] * 11
+    found = kept("pick", "1:1:1", truth, noisy)
+    assert found.ratio == paired_ratio(np.array(noisy, float), np.array(truth, float))
+    assert found.to_json() == {
+        "metric": "pick",
+        "factors": "1:1:1",
+        "truth": 0.75,
+        "noisy": 0.3125,
+        "ratio": found.ratio.value,
+        "low": found.ratio.low,
+        "high": found.ratio.high,
+    }
+
+
+@pytest.mark.parametrize(
+    ("truth", "noisy"),
+    [
+        ([False] * 9 + [True], [False] * 8 + [True] * 2),
+        ([True] * 5, [True] * 5),
+        ([False] * 5, [False] * 5),
+        ([False] * 8, [True] * 8),
+    ],
+)
+def test_a_kept_share_that_cannot_be_told_has_no_bounds(truth, noisy):
+    found = kept("pick", "1:1:1", truth, noisy)
+    assert not math.isfinite(found.ratio.high)
+    assert found.to_json()["high"] is None
+    assert json.dumps(found.to_json(), allow_nan=False)
+    out = io.StringIO()
+    noise_severity.show([found], {"pick": 0.34}, Console(file=out, width=120))
+    assert "nan" not in out.getvalue()
+
+
+def spl(values: list[float]):
+    """Records of object navigation with these SPL."""
+    return [
+        record(s, benchmark="objectnav", success=v > 0, path_m=1 / v if v else 1.0,
+               shortest_path_m=1.0)
+        for s, v in enumerate(values)
+    ]  # fmt: skip
+
+
+def test_a_ratio_of_spl_has_the_interval_of_the_report():
+    random, vlfm = [0.5, 0.0] * 6, [0.25, 0.5] * 6
+    found = ratio_of("0.3", spl(random), spl(vlfm))
+    assert found.ratio == paired_ratio(np.array(vlfm), np.array(random))
+    assert (found.homes, found.random_spl, found.vlfm_success) == (12, 0.25, 1.0)
+    same = ratio_of("0.3", spl([0.5] * 5), spl([0.5] * 5))
+    assert not same.ratio.has_bounds
+    out = io.StringIO()
+    scorer_severity.show([found, same], Console(file=out, width=120))
+    assert "nan" not in out.getvalue()
+    assert same.to_json()["low"] is None

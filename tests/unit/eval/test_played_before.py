@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from eval_constructed_records import record
+from eval_constructed_records import record, record_of
 from helios_eval import ledger
 from helios_eval.episodes import episode_record
 from helios_eval.episodes.episode_player import PlayedEpisode
@@ -122,6 +122,35 @@ def test_a_folder_that_was_deleted_and_played_anew_does_not_hide_the_first_run(
 ) -> None:
     write_ledger(own_ledger, line("runs/b", SUMMER), line("runs/b", AUTUMN))
     assert fact(description("runs/b")) == "by 1 run, first 2026-07-01, folders runs/b"
+
+
+def test_homes_played_anew_by_other_code_in_the_same_folder_were_played_before(
+    own_ledger: Path,
+) -> None:
+    """Somebody deleted the episodes of the first line, and left `run.json`."""
+    write_ledger(own_ledger, line("runs/b", AUTUMN, commit="abcdef0"), line("runs/b", WINTER))
+    assert fact(description("runs/b")) == "by 1 run, first 2026-10-01, folders runs/b"
+    assert "not those of unseen homes" in played_before.notice(RECORDS, description("runs/b"))
+    assert "1 earlier run" in played_before.sentence(RECORDS, description("runs/b"))
+
+
+def test_a_part_that_other_code_played_is_a_part_if_its_episodes_are_there(
+    own_ledger: Path,
+) -> None:
+    write_ledger(own_ledger, line("runs/b", AUTUMN, commit="abcdef0"), line("runs/b", WINTER))
+    both = [*RECORDS[1:], record(1200, commit="abcdef01-dirty")]
+    assert fact(description("runs/b"), both) == "never by the ledger"
+    others = [*RECORDS, record(1200, commit="abcdef0", agent="trusting")]
+    assert fact(description("runs/b"), others).startswith("by 1 run")
+
+
+def test_a_commit_with_the_same_code_plays_a_part_of_the_run(
+    own_ledger: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same code gives the same episodes, so that playing them anew shows nothing new."""
+    write_ledger(own_ledger, line("runs/b", AUTUMN, commit="abcdef0"), line("runs/b", WINTER))
+    monkeypatch.setattr(played_before, "same_code", lambda *_: True)
+    assert fact(description("runs/b")) == "never by the ledger"
 
 
 @pytest.mark.parametrize(
@@ -277,8 +306,7 @@ def test_the_ledger_has_every_committed_run_of_homes_from_seed_1000_on(
 def fake_pool(monkeypatch: pytest.MonkeyPatch) -> None:
     def outcomes(_: Run, missing: Sequence[EpisodeSpec], __: str) -> Generator[Outcome]:
         for spec in missing:
-            played = record(spec.seed, agent=spec.agent, preset=spec.preset, noise=spec.noise)
-            yield spec, PlayedEpisode(played)
+            yield spec, PlayedEpisode(record_of(spec))
 
     monkeypatch.setattr(evaluation_run, "_outcomes", outcomes)
 
@@ -315,6 +343,20 @@ def test_a_run_that_continues_its_folder_prints_nothing(tmp_path: Path, own_ledg
     (told,) = printed(tmp_path / "other", 1203, 2)
     assert told.startswith("1 of 2 homes from seed 1000 on (seeds 1203) have been played")
     assert "by 1 run since" in told
+
+
+@pytest.mark.usefixtures("fake_pool", "own_ledger")
+def test_a_run_of_other_code_into_a_folder_without_its_episodes_prints_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "run"
+    assert printed(out, 1200, 2) == []
+    (out / episode_record.EPISODES).unlink()
+    assert printed(out, 1200, 2) == []
+    (out / episode_record.EPISODES).unlink()
+    monkeypatch.setattr(evaluation_run, "commit", lambda: "fffffff")
+    (told,) = printed(out, 1200, 2)
+    assert told.startswith("All 2 homes from seed 1000 on (seeds 1200–1201) have been played")
 
 
 @pytest.mark.usefixtures("fake_pool")

@@ -327,7 +327,23 @@ def test_an_episode_that_never_began_is_reported(tmp_path):
     write_report(tmp_path)
     markdown = (tmp_path / "report.md").read_text()
     assert "1 episode ended by a system error" in markdown
+    assert "leave out those that could not be played: 1." in markdown
     assert "No episode took a step" in markdown
+
+
+def test_means_of_steps_name_the_episodes_that_were_played(tmp_path):
+    lost = {"cause": "system error", "steps": 0, "structure_hash": "", "success": False,
+            "collisions": 0}  # fmt: skip
+    never = [episode(s, a, **lost) for s, a in ((2, "helios-paper"), (0, "a"), (1, "a"))]
+    there = [episode(s, steps=100, success=False, cause="stuck") for s in range(2)]
+    write(tmp_path, [*there, *never], pictures=False)
+    write_report(tmp_path)
+    markdown = (tmp_path / "report.md").read_text()
+    took = markdown.partition("what it took")[2]
+    assert re.search(r"helios-paper \|.* 100\.0 ± 0\.0 .*2.*\(of 3\)", took)
+    assert re.search(r"\| a \|.* – .*0.*\(of 2\)", took)
+    collisions = markdown.partition("Steps and collisions")[2]
+    assert re.search(r"helios-paper \| .*2.* \(of 3\) \| 100\.0 ± 0\.0", collisions)
 
 
 def test_object_navigation_has_its_own_metrics(tmp_path):

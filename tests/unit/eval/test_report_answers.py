@@ -164,3 +164,29 @@ def test_a_drawing_shows_every_agent_before_the_settings_of_one() -> None:
     shown = plainest_arms(arms_of(records), 3)
     assert shown[0].label == "helios-paper"
     assert "trusting" in [arm.label for arm in shown]
+
+
+def test_agents_with_the_same_settings_are_compared_even_if_one_also_ran_without() -> None:
+    new = {"planner.tau_g": 0.4}
+    tables, _ = answered(
+        [
+            *wins("helios-paper", 20, settings=new),
+            *wins("trusting", 12, settings=new),
+            *wins("trusting", 8),
+        ]
+    )
+    assert cell_texts(row(tables["Paired differences"], "Primary claim", "SR"))[1:3] == [
+        "66.7",
+        "40.0",
+    ]
+
+
+def test_episodes_that_were_not_played_make_no_agent_faster() -> None:
+    unplayed = LOST | {"cause": "system error", "structure_hash": "", "steps": 0, "collisions": 0}
+    half = [
+        episode(s, "helios", **(WON if s % 2 else unplayed), **({"steps": 700} if s % 2 else {}))
+        for s in range(HOMES)
+    ]
+    tables, _ = answered([*wins("helios-paper", 20, steps=500), *half])
+    (found,) = tables[IDEAS].rows
+    assert found.cells[6].text == "+200.0"

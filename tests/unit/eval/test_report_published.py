@@ -57,6 +57,34 @@ def test_more_picks_than_the_limit_score_zero():
     assert record_metrics.value(lucky, "collisions", picks=5) == 2
 
 
+def lost(seed: int, agent: str = "helios-paper", **changes):
+    """Episode that could not be played, as the runner records it."""
+    nothing = {"steps": 0, "collisions": 0, "collided_with": (), "step_ms": 0.0, "path_m": 0.0,
+               "picks": 0, "find_object": False, "pick": False, "find_receptacle": False,
+               "place": False, "success": False, "cause": "system error", "structure_hash": "",
+               "instruction": "", "object_class": ""}  # fmt: skip
+    return episode(seed, agent, **(nothing | changes))
+
+
+@pytest.mark.parametrize("name", ["steps", "collisions", "seconds_per_step"])
+def test_an_episode_that_was_not_played_lowers_the_success_and_no_other_mean(name):
+    played = [episode(s, steps=100 + s, collisions=1, success=True) for s in range(4)]
+    records = [*played, lost(4), lost(5)]
+    assert list(record_metrics.values(records, name)) == list(record_metrics.values(played, name))
+    assert record_metrics.values(records, "SR").mean() == 4 / 6
+
+
+def test_a_pair_leaves_out_the_home_that_either_agent_did_not_play():
+    mine = [episode(0, steps=10), lost(1), episode(2, steps=30)]
+    theirs = [episode(s, "trusting", steps=5) for s in range(2)] + [lost(2, "trusting")]
+    x, y = record_metrics.paired_values(mine, theirs, "steps")
+    assert (list(x), list(y)) == ([10], [5])
+    x, y = record_metrics.paired_values(mine, theirs, "SR")
+    assert len(x) == len(y) == 3
+    x, y = record_metrics.paired_values(mine[1:2], theirs[1:2], "steps")
+    assert len(x) == len(y) == 0
+
+
 def cells(table: Table, name: str) -> list[str]:
     return [c.text for row in table.rows if row.cells[0].text == name for c in row.cells]
 
@@ -222,3 +250,50 @@ def test_homes_without_any_difference_give_no_verdict():
     table = relations(arms)
     assert table is not None
     assert {row.cells[-1].text for row in table.rows} == {"no home differs"}
+
+
+HOMES = range(20)
+TRUTH = {"semantics": "ground-truth"}
+OVMM = {"pick_rule": "ovmm"}
+
+
+def names(episodes) -> set[str]:
+    table = relations(arms_of(episodes))
+    return {row.cells[0].text for row in table.rows} if table else set()
+
+
+def test_relations_leave_out_arms_of_another_pick_rule():
+    noisy = [episode(s) for s in HOMES]
+    other = [episode(s, settings=OVMM, **TRUTH) for s in HOMES]
+    assert names([*noisy, *other]) == set()
+    same = [episode(s, **TRUTH) for s in range(6)]
+    table = relations(arms_of([*noisy, *other, *same]))
+    assert table is not None
+    assert {row.cells[3].text for row in table.rows} == {"6"}
+
+
+def test_relations_leave_out_arms_with_other_settings():
+    changed = [episode(s, settings={"planner.alpha_d": 9}) for s in HOMES]
+    plain = [episode(s, "trusting") for s in HOMES]
+    assert names([*changed, *plain]) == set()
+    assert names([*(episode(s) for s in HOMES), *changed, *plain]) == {
+        f"{metric}: HELIOS over the trusting agent" for metric in ("FindObj", "Pick", "SR")
+    }
+
+
+def test_a_table_of_the_paper_leaves_out_arms_with_other_settings_and_says_so():
+    changed = [episode(s, settings={"planner.alpha_d": 9}) for s in range(4)]
+    found = tables([*changed, *(episode(s, "trusting") for s in range(4))])["Table 1"]
+    row = next(r for r in found.rows if r.cells[0].text == "HELIOS")
+    assert row.cells[1].text == "not run"
+    assert "Left out" in found.caption
+    assert "helios-paper" in found.caption
+    alone = tables(changed)["Table 1"]
+    assert "Ours with planner.alpha_d=9." in alone.caption
+
+
+def test_an_arm_with_another_value_of_a_setting_is_not_the_row_of_the_papers_value():
+    found = tables([episode(s, settings={"planner.tau_g": t}) for s in range(3) for t in (0.3, 9)])
+    table = found["Table 8"]
+    assert cells(table, "τ_g = 0.3")[-1] == "3"
+    assert cells(table, "τ_g = 0.5")[1] == "not run"

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import datetime as dt
 import json
 import stat
+import threading
 from pathlib import Path
 from typing import Any
+from unittest.mock import AsyncMock
 
 import pytest
 from fastapi.testclient import TestClient
@@ -22,6 +25,7 @@ from helios_gateway.settings import Settings
 from helios_gateway.web_app import create_app
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from starlette.requests import ClientDisconnect
 from starlette.testclient import WebSocketDenialResponse
 
 from tests.gateway_backend import Backend
@@ -195,3 +199,72 @@ def test_every_body_becomes_one_short_line_of_json(
     entry = json.loads(line)
     assert (entry["status"], entry["who"]) == (200, None)
     assert len(entry["request"]) <= audit_log.KEPT_BYTES + 1
+
+
+@pytest.mark.parametrize(
+    ("began", "raised", "recorded"),
+    [
+        (False, RuntimeError, 500),
+        (True, RuntimeError, 202),
+        (False, ClientDisconnect, 0),
+        (False, asyncio.CancelledError, 0),
+    ],
+)
+def test_a_fault_of_the_gateway_is_recorded_as_500_and_a_client_that_has_gone_as_0(
+    tmp_path: Path, began: bool, raised: type[BaseException], recorded: int
+) -> None:
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        if began:
+            await send({"type": "http.response.start", "status": 202, "headers": []})
+        raise raised
+
+    log = AuditLog(tmp_path / "audit.jsonl")
+    middleware = audit_log.AuditMiddleware(app, log, ApiKeys(None))
+    scope = {"type": "http", "method": "POST", "path": "/v1/tasks", "headers": []}
+    with pytest.raises(raised):
+        asyncio.run(middleware(scope, AsyncMock(), AsyncMock()))
+    log.close()
+    assert [entry["status"] for entry in read(tmp_path / "audit.jsonl")] == [recorded]
+
+
+class SlowDisk:
+    """Lets the threads of a record write only once `goes_on` is set."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.goes_on = threading.Event()
+        emit = audit_log._File.emit
+
+        def slow(handler: Any, record: Any) -> None:
+            self.goes_on.wait(60)
+            emit(handler, record)
+
+        monkeypatch.setattr(audit_log._File, "emit", slow)
+        monkeypatch.setattr(audit_log, "WAITING", 5)
+
+
+def test_all_lines_that_wait_are_written_at_the_end_even_if_the_queue_is_full(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    disk = SlowDisk(monkeypatch)
+    monkeypatch.setattr(audit_log, "CLOSE_S", 60.0)
+    log = AuditLog(tmp_path / "audit.jsonl")
+    while not caplog.records:  # until one finds no place
+        log.write({"path": "/v1/tasks"})
+    threading.Timer(0.2, disk.goes_on.set).start()
+    log.close()
+    assert len(read(tmp_path / "audit.jsonl")) >= audit_log.WAITING
+    assert len(caplog.records) == 1
+
+
+def test_a_disk_that_hangs_delays_the_end_for_a_bounded_time_and_the_log_says_what_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    disk = SlowDisk(monkeypatch)
+    monkeypatch.setattr(audit_log, "CLOSE_S", 0.05)
+    log = AuditLog(tmp_path / "audit.jsonl")
+    for _ in range(3):
+        log.write({"path": "/v1/tasks"})
+    log.close()
+    disk.goes_on.set()
+    said = [record.message for record in caplog.records if " of " in record.message]
+    assert any(f" of {tmp_path / 'audit.jsonl'} are lost" in one for one in said)

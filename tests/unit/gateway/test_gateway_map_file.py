@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import tracemalloc
 import zipfile
 from pathlib import Path
 from typing import NoReturn
@@ -77,12 +78,30 @@ def with_damaged_member(method: int) -> bytes:
         (rezipped(**{"helios-map.json": b'{"format": 2}'}), "reads format 1"),
         (rezipped(**{"helios-map.json": None}), "helios map save"),
         (rezipped(map2d__map=bytes(20_000)), "larger than 10000 bytes"),
-        (with_damaged_member(zipfile.ZIP_LZMA), "helios map save"),
+        (with_damaged_member(zipfile.ZIP_DEFLATED), "helios map save"),
+        (with_damaged_member(zipfile.ZIP_LZMA), "ZIP method 14; wanted stored or deflated"),
     ],
 )
 def test_an_unusable_map_file_is_refused_with_the_reason(data: bytes, says: str) -> None:
     with pytest.raises(InvalidInput, match=says):
         unpacked(data, 10_000)
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_a_map_file_whose_sizes_are_forged_is_refused_before_unpacking(method: int) -> None:
+    size, stream = 50_000_000, io.BytesIO()
+    with zipfile.ZipFile(stream, "w", method) as archive:
+        archive.writestr("helios-map.json", '{"format": 1}')
+        archive.writestr("map2d.map", bytes(size))
+        archive.writestr("objects.npz", b"x")
+    data = stream.getvalue().replace(size.to_bytes(4, "little"), (10).to_bytes(4, "little"))
+    tracemalloc.start()
+    try:
+        with pytest.raises(InvalidInput, match=f"ZIP method {method}; .*zip the files anew"):
+            unpacked(data, 1000)
+        assert tracemalloc.get_traced_memory()[1] < 5_000_000
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_saved_map_can_be_loaded_again(client: TestClient, backend: Backend) -> None:

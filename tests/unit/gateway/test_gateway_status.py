@@ -250,6 +250,15 @@ def test_the_page_and_the_docs_refer_to_no_other_host(client: TestClient) -> Non
     assert client.get("/static-offline-docs/swagger-ui-bundle.js").status_code == 200
 
 
+@pytest.mark.parametrize("path", ["/healthz", "/readyz"])
+def test_the_probes_answer_head_like_get_without_a_body(
+    client: TestClient, backend: Backend, path: str
+) -> None:
+    get, head = client.get(path), client.head(path)
+    assert (head.status_code, head.content) == (get.status_code, b"")
+    assert head.headers["content-type"] == get.headers["content-type"]
+
+
 @pytest.mark.parametrize("path", ["/", "/docs"])
 def test_the_page_and_the_docs_may_not_be_embedded_in_a_frame(
     client: TestClient, path: str

@@ -68,7 +68,7 @@ def test_stop_now_does_not_wait_behind_blocked_requests() -> None:
 
 def test_a_task_is_cancelled_and_a_stop_cleared_while_as_many_read_as_may() -> None:
     with blocked(MOST_REQUESTS + 20, SHARED_THREADS) as (gateway, client):
-        wait_until(lambda: client.get("/healthz").status_code == 503, 60, "no more may read")
+        wait_until(lambda: client.get("/v1/robot").status_code == 503, 60, "no more may read")
         first, second = (gateway.backend.submit("move the mug") for _ in range(2))
         for path, status in (
             (f"/v1/tasks/{first.id}/pause", 200),

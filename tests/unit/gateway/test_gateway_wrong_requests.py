@@ -114,3 +114,22 @@ def test_the_error_message_for_any_body_is_printable(wrong: Any) -> None:
     if answer.status_code == 400:
         detail = answer.json()["detail"]
         assert printable(detail) == detail
+
+
+@pytest.mark.parametrize(
+    ("content_type", "why"),
+    [
+        ("multipart/form-data", "Missing boundary in multipart"),
+        ("multipart/form-data; boundary=a", "Invalid multipart data"),
+    ],
+)
+def test_a_broken_form_error_names_the_content_type_and_the_parts_to_send(
+    client: TestClient, backend: Backend, content_type: str, why: str
+) -> None:
+    headers = {"content-type": content_type}
+    answer = client.post("/v1/frames", content=b"x", headers=headers)
+    assert answer.status_code == 400
+    assert answer.json()["detail"] == (
+        f"the body cannot be read ({why}); it came with content-type {content_type!r}; send meta, "
+        "color, depth as multipart/form-data with a boundary, as curl -F does"
+    )

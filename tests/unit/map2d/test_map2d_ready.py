@@ -10,7 +10,6 @@ import helios_map2d.__main__ as main
 import pytest
 from helios_core.bus import Registration
 from helios_core.codec import description_to_proto
-from helios_core.errors import InvalidInput
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
 from helios_core.topics import CONTEXT, KEYFRAME, OBSERVATION, ROBOT_DESCRIPTION, Topic

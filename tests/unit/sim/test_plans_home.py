@@ -211,8 +211,13 @@ def test_things_that_changed_since_the_run_began_are_refused(tmp_path: Path) -> 
 def test_a_plan_that_changed_since_is_refused(tmp_path: Path) -> None:
     path = write_plan(tmp_path / "a.sh3d", (TWO_ROOMS, room("Kitchen", LEFT)))
     source = PlanSource.of(path)
+    path.with_suffix(".toml").write_text('[[things]]\nclass = "mug"\non = "dining table"\n')
+    now = PlanSource.of(path).things_sha256[:12]
+    with pytest.raises(InvalidInput, match=rf"a\.toml is no longer the file .*none, now {now}\)"):
+        drawn_home(source)
     write_plan(path, (TWO_ROOMS, room("Bath", LEFT)))
-    with pytest.raises(InvalidInput, match="no longer the file"):
+    now = PlanSource.of(path).sha256[:12]
+    with pytest.raises(InvalidInput, match=rf"a\.sh3d is no longer the file .*now {now}\)"):
         drawn_home(source)
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gc
+import os
 import queue
+import subprocess
 import sys
 import threading
 import weakref
@@ -18,6 +20,18 @@ from helios_sim.simulation_thread import WorldThread
 from helios_sim.world import World
 
 from tests.support import ENDS_WITHIN_S
+
+
+def test_without_an_opengl_library_a_sentence_says_what_to_install() -> None:
+    command = [sys.executable, "-m", "helios_client", "eval", "ovmm", "--help"]
+    variables = os.environ | {"MUJOCO_GL": "nonsense"}
+    ended = subprocess.run(
+        command, env=variables, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert ended.returncode == 1
+    (said,) = ended.stderr.splitlines()
+    assert said.startswith("helios: no OpenGL context (")
+    assert "; install " in said
 
 
 def test_a_closed_world_is_freed_at_once(sim_home: Home):

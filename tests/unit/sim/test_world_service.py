@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 from helios_core import proto as pb
 from helios_core.errors import InvalidInput, Unavailable
+from helios_core.geometry import Pinhole, camera_on_base, se2_to_se3
 from helios_core.health import Health
 from helios_core.memory_bus import MemoryBus, MemoryHub
-from helios_core.robot import Forward, Observe, Turn
+from helios_core.robot import Capture, Forward, Observe, Turn
 from helios_core.topics import TRUTH_EPISODE, TRUTH_METRICS, TRUTH_SEGMENTATION
 from helios_core.zenoh_bus import ZenohBus
-from helios_sim.capture_messages import capture_from_proto
+from helios_sim.capture_messages import capture_from_proto, capture_to_proto
 from helios_sim.driver import SimDriver
 from helios_sim.episode_tracker import episode_of
 from helios_sim.home import Home
@@ -157,3 +158,18 @@ def _serves(driver: SimDriver) -> bool:
     except Unavailable:
         return False
     return True
+
+
+def test_depth_beyond_the_range_of_the_message_stays_beyond_every_sensor() -> None:
+    base = se2_to_se3(0.0, 0.0, 0.0)
+    depth_m = np.array([[1.25, 66.0], [np.inf, 0.0]], np.float32)
+    sent = Capture(
+        stamp_ns=1,
+        color=np.zeros((2, 2, 3), np.uint8),
+        depth_m=depth_m,
+        camera=Pinhole(2.0, 2.0, 0.5, 0.5, 2, 2),
+        T_world_cam=camera_on_base(base, 1.0, 0.5),
+        T_world_base=base,
+    )
+    got = capture_from_proto(capture_to_proto(sent)).depth_m
+    np.testing.assert_allclose(got, [[1.25, 65.535], [65.535, 0.0]])

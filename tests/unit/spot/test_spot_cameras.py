@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -18,6 +19,7 @@ from helios_spot.cameras import (
     straight_depth,
 )
 from helios_spot.depth_completion import estimated, filled, load_estimator
+from helios_spot.posed_images import decode_color, decode_depth
 from helios_spot.self_mask import Capsule, robot_capsules, robot_pixels
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -83,6 +85,41 @@ def test_a_point_appears_in_the_upright_image_at_its_projection(lens: Lens, roll
     expected, _ = project(point_cam[None], mount.camera, mount.T_cam_upright)
     assert [columns.mean(), rows.mean()] == pytest.approx(list(expected[0]), abs=1.5)
     assert z_m[round(rows.mean()), round(columns.mean())] == pytest.approx(1.3)
+
+
+# --- images as they come --------------------------------------------------------------------------
+def raw(data: bytes) -> SimpleNamespace:
+    """A raw image of 4x3 pixels."""
+    return SimpleNamespace(data=data, format=2, FORMAT_RAW=2, rows=3, cols=4)
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_a_raw_colour_image_has_1_3_or_4_channels(channels: int) -> None:
+    pixels = np.arange(12 * channels, dtype=np.uint8).reshape(3, 4, channels)
+    got = decode_color(raw(pixels.tobytes()), "left_fisheye_image")
+    assert got.shape == (3, 4, 3)
+    np.testing.assert_array_equal(got[..., 0], pixels[..., 0])
+    np.testing.assert_array_equal(got[..., 2], pixels[..., min(2, channels - 1)])
+
+
+@pytest.mark.parametrize("size", [0, 5, 12 * 2, 12 * 3 + 1, 12 * 5])
+def test_a_raw_colour_image_of_another_size_is_refused_with_its_name_and_bytes(size: int) -> None:
+    said = f"'left_fisheye_image' of 4x3 pixels as {size} bytes, wanted 12, 36 or 48"
+    with pytest.raises(Unavailable, match=said):
+        decode_color(raw(bytes(size)), "left_fisheye_image")
+
+
+@pytest.mark.parametrize("size", [0, 23, 25, 36])
+def test_a_depth_image_of_another_size_is_refused_with_its_name_and_bytes(size: int) -> None:
+    source = SimpleNamespace(name="hand_depth", depth_scale=1000.0)
+    response = SimpleNamespace(source=source, shot=SimpleNamespace(image=raw(bytes(size))))
+    with pytest.raises(Unavailable, match=f"'hand_depth' of 4x3 pixels as {size} bytes, wanted 24"):
+        decode_depth(response)
+    response.shot.image = raw(bytes(24))
+    assert decode_depth(response).shape == (3, 4)
+    source.depth_scale = 0.0
+    with pytest.raises(Unavailable, match="'hand_depth' with a scale of 0 units a metre"):
+        decode_depth(response)
 
 
 # --- registration ---------------------------------------------------------------------------------

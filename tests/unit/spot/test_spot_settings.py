@@ -29,6 +29,7 @@ def test_the_login_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch) -
 
 def test_the_login_comes_from_a_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     file = tmp_path / "login"
+    file.touch(mode=0o600)
     file.write_text("user\na pass word\n")
     monkeypatch.setenv("HELIOS_SPOT_CREDENTIALS_FILE", str(file))
     assert SpotSettings.read("spot").login() == ("user", "a pass word")
@@ -38,6 +39,19 @@ def test_the_login_comes_from_a_file(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     file.unlink()
     with pytest.raises(InvalidInput, match="cannot read"):
         SpotSettings.read("spot").login()
+
+
+@pytest.mark.parametrize("mode", [0o604, 0o640, 0o644])
+def test_a_login_file_that_others_may_use_is_refused_without_its_content(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, mode: int
+) -> None:
+    file = tmp_path / "login"
+    file.write_text("user\nhunter2\n")
+    file.chmod(mode)
+    monkeypatch.setenv("HELIOS_SPOT_CREDENTIALS_FILE", str(file))
+    with pytest.raises(InvalidInput, match=f"mode {mode:04o}.*chmod 600 {file}") as refused:
+        SpotSettings.read("spot").login()
+    assert "hunter2" not in refused.value.message
 
 
 def test_settings_come_from_the_spot_table_of_the_configuration_file(
