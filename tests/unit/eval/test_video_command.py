@@ -72,7 +72,7 @@ def test_a_filmed_episode_runs_with_the_settings_of_a_played_one(tmp_path, monke
 
 def test_the_same_flags_film_and_play_the_same_episode(tmp_path, monkeypatch):
     specs = []
-    monkeypatch.setattr(eval_command, "run", lambda asked, _: specs.extend(asked.specs()))
+    monkeypatch.setattr(eval_command, "run", lambda asked, _: specs.extend(asked.specs()) or [])
     monkeypatch.setattr(episode_recorder, "film", lambda spec, *_: specs.append(spec) or "success")
     flags = ["--preset", "demo-v1", "--noise-level", "2", "--sensor", "realistic",
              "--max-steps", "1250", "--pick-rule", "ovmm", "--set", "tau_g=0.3",

@@ -63,7 +63,7 @@ def test_the_settings_of_a_task_do_not_apply_to_the_next_task(start: Start) -> N
         ("alpha_d", "much", "alpha_d is 'much'"),
         ("alpha_d", "-1", "alpha_d is '-1'"),
         ("tau_g", "nan", "tau_g is .nan."),
-        ("cs_g", "nan", "at most 1000000000"),
+        ("cs_g", "nan", "less than or equal to 1"),
         ("alpha_d", "1e999", "at most 1000000000"),
         ("rounds", "9" * 30, "at most 1000000000"),
         ("gain_norm", "none", "gain_norm is 'none'"),
