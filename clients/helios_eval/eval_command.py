@@ -149,18 +149,24 @@ def report(
 ) -> None:
     """Regenerate results.json, report.md and report.html of a folder, even of a killed run.
 
-    With --out, write one report on several folders; another report can use that folder.
+    With --out, write one report on several folders; another report can use that folder. Episodes
+    of homes from seed 1000 on are packed there before the last one, without a report.
     """
     if out is None and len(folders) > 1:
         raise UsageError("a report on several folders needs a folder of its own: give --out FOLDER")
     into = out or folders[0]
     records = merge_runs.episodes(folders)
     with run_folder.write_errors_as_unavailable(into):
-        unseen_homes.prepare_report(records, merge_runs.run(folders), folders, unfinished)
+        lacks = unseen_homes.prepare_report(
+            records, merge_runs.run(folders), folders, unfinished, packs=out is not None
+        )
         description = merge_runs.run(folders)
         if out is not None and records:
             merge_runs.pack(out, records, description)
             records = read(out)  # report exactly the records that the packed file holds
+        if lacks is not None:
+            print(f"packed into {into}. {lacks}")
+            return
         write_report_of(into, records, description)
         results.write(into, records, results.picks_in(description))
     elsewhere = "" if out else "; with --out FOLDER it is written elsewhere"

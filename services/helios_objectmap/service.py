@@ -71,7 +71,7 @@ log = logging.getLogger(__name__)
 
 MOST_WAITING = 4  # observations that wait for their search context
 MOST_POSES = 256
-REMEMBERED = 4096  # observations, so that none is fused twice
+REMEMBERED = 256  # newest observations; a repeated one comes soon after
 CLOSE_WITHIN_S = 1.0  # longest wait at `close` for a query that compiles kernels
 FILE_NAME = "objects.npz"
 _FORMATS = {"ply": export.ply, "npz": export.npz}

@@ -117,7 +117,8 @@ class StoredObjects:
                 file.remove()
 
     def note_place(self, place: pb.Relocalisation) -> None:
-        """Note the newest message of map2d. A place that is none is left out with a warning."""
+        """Note the newest message of map2d. A place that is not finite or too far away is left out,
+        with a warning."""
         T = place.T_present_stored
         if not np.isfinite([T.x_m, T.y_m, T.yaw_rad]).all() or max(abs(T.x_m), abs(T.y_m)) > (
             FARTHEST_M

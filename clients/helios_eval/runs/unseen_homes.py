@@ -67,15 +67,19 @@ def prepare_report(
     run: Mapping[str, Any],
     folders: Sequence[Path],
     even_unfinished: bool,
-) -> None:
+    packs: bool,
+) -> Unfinished | None:
     """Check that a report would be on all requested homes from seed 1000 on.
 
-    there, run: episodes and `run.json` of the folders together. Raises InvalidInput if not;
-    `even_unfinished` instead marks the folders as shown.
+    there, run: episodes and `run.json` of the folders together. If some are lacking,
+    `even_unfinished` marks the folders as shown, and `packs` (the episodes go to another folder)
+    returns what is lacking: then no report may be written. Else raises InvalidInput.
     """
     lacks = unfinished(there, run)
     if lacks is None:
-        return
+        return None
+    if packs and not even_unfinished:
+        return lacks
     if not even_unfinished:
         raise InvalidInput(
             f"{', '.join(map(str, folders))}: {lacks.done} of the {lacks.total} requested episodes "
@@ -84,6 +88,7 @@ def prepare_report(
         )
     for folder in folders:
         mark_shown(folder)
+    return None
 
 
 def mark_shown(folder: Path) -> None:

@@ -123,6 +123,19 @@ def test_a_report_on_an_unfinished_run_of_unseen_homes_is_refused(
         assert cli.run(["eval", "report", str(folder)]) == 0
 
 
+def test_a_part_of_a_run_of_unseen_homes_is_packed_without_a_figure_and_without_a_notice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    played, packed = tmp_path / "played", tmp_path / "packed"
+    play(played, 1200, monkeypatch, stop_after=2)
+    assert cli.run(["eval", "report", str(played), "--out", str(packed)]) == 0
+    assert f"packed into {packed}. 2 of 3" in capsys.readouterr().out
+    assert not (packed / "report.md").exists()
+    assert not (packed / "results.json").exists()
+    play(packed, 1200, monkeypatch)
+    assert "figures were over" not in (packed / "report.md").read_text()
+
+
 def test_development_homes_show_no_figure_of_unfinished_unseen_homes_in_their_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -173,7 +173,9 @@ def test_the_place_of_another_map_is_not_used(monday: Robot, wrong: str) -> None
 
 
 @pytest.mark.parametrize("x_m", [math.nan, math.inf, 1e9])
-def test_a_place_that_is_none_changes_nothing(monday: Robot, x_m: float) -> None:
+def test_a_place_that_is_not_finite_or_too_far_away_changes_nothing(
+    monday: Robot, x_m: float
+) -> None:
     today = Robot("tuesday")
     today.load(monday.saved())
     place = pb.Relocalisation(
