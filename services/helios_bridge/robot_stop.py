@@ -138,14 +138,7 @@ class RobotStop:
                 f"an action still runs {ACTION_ENDS_WITHIN_S:g} s after the stop; clear the stop "
                 "again once it has ended, or see to the robot first"
             )
-        if (call := self._stop_call) is not None:
-            futures.wait((call,), self._timeout_s)
-        with self._lock:
-            if self._stop_hangs():
-                raise Conflict("the driver has not come back from its stop; see to the robot first")
-            if self._clearing:
-                raise Conflict("somebody else clears the stop right now; look at the robot's state")
-            stops, self._clearing = self._stops, True
+        stops = self._begin_clear()
         try:
             self._driver.clear_stop()  # may take long: the robot may be remote
         except BaseException:
@@ -168,6 +161,28 @@ class RobotStop:
         self._latch.wait(self._timeout_s)
         self._health.stop_works()
         self.on_change()
+
+    def _begin_clear(self) -> int:
+        """Wait for the driver's stop, which `repeat` may call again meanwhile; then a clear runs.
+
+        Returns the number of stops so far. Raises Conflict as `clear`.
+        """
+        end_s = time.monotonic() + self._timeout_s
+        while True:
+            with self._lock:
+                if not self._stop_hangs():
+                    if self._clearing:
+                        raise Conflict(
+                            "somebody else clears the stop right now; look at the robot's state"
+                        )
+                    self._clearing = True
+                    return self._stops
+                call = self._stop_call
+            left_s = end_s - time.monotonic()
+            if left_s <= 0:
+                raise Conflict("the driver has not come back from its stop; see to the robot first")
+            assert call is not None
+            futures.wait((call,), left_s)
 
     def repeat(self) -> None:
         """Call the driver's stop again if the robot has not confirmed its stop."""

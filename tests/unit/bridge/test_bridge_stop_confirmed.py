@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
@@ -30,6 +32,21 @@ class Away(LineRobot):
         if self.away:
             raise Unavailable("no answer from the robot")
         super().stop(reason)
+
+
+class StopReturnsLater(LineRobot):
+    """Its first stop fails; the second one stops the robot, and returns when `go_on` is set."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.calls, self.go_on = 0, threading.Event()
+
+    def stop(self, reason: str) -> None:
+        self.calls += 1
+        if self.calls == 1:
+            raise Unavailable("no answer from the robot")
+        super().stop(reason)
+        self.go_on.wait(30)
 
 
 def stop(stage: Stage, error: type[HeliosError] | None) -> None:
@@ -119,6 +136,42 @@ def test_a_slow_state_from_before_a_clear_does_not_follow_the_state_after_it() -
         robot.go_on.set()
         assert stage.bridge._executor.wait(10) == []
         assert [state.stopped for state in told] == [False]
+    finally:
+        robot.go_on.set()
+        stage.bridge.close()
+
+
+def test_a_clear_waits_for_a_stop_that_is_being_repeated() -> None:
+    """The robot stands already, but its stop has not come back when the clear is asked for."""
+    robot = StopReturnsLater()
+    stage = Stage(robot)
+    stop(stage, Unavailable)
+    begin, errors = stage.bridge._executor.begin, list[HeliosError]()
+
+    def clear() -> None:
+        try:
+            stage.other.call(CLEAR_STOP, pb.Empty(), 10)
+        except HeliosError as error:
+            errors.append(error)
+
+    clearing = threading.Thread(target=clear)
+
+    def begin_and_clear(name: str, do: Callable[[], None]) -> Future[None]:
+        call = begin(name, do)
+        if name == "stop":
+            wait_until(lambda: bool(robot.stopped), 60, "the robot stands")
+            clearing.start()
+            clearing.join(0.2)  # it has to wait for this call
+        return call
+
+    stage.bridge._executor.begin = begin_and_clear
+    try:
+        stage.bridge._stopping.repeat()
+        clearing.join(0.2)
+        robot.go_on.set()
+        clearing.join(60)
+        assert not errors
+        assert stage.drive("a").succeeded
     finally:
         robot.go_on.set()
         stage.bridge.close()
