@@ -31,7 +31,10 @@ class Settings(ServiceSettings):
         default=0.0, ge=0, description="start of a replay after the recording's first frame"
     )
     to_s: float = Field(
-        default=math.inf, gt=0, description="end of a replay after the recording's first frame"
+        default=math.inf,
+        gt=0,
+        allow_inf_nan=True,
+        description="end of a replay after the recording's first frame",
     )
     rate: float = Field(
         default=0.0,

@@ -37,7 +37,11 @@ FLOOR_M = 0.06  # points below this height are floor, never part of a receptacle
 
 
 def depth_noise_m(depth_m: float) -> float:
-    """Standard deviation (m) of a structured-light or stereo camera's depth: quadratic in depth."""
+    """Standard deviation (m) of a structured-light or stereo camera's depth: quadratic in depth.
+
+    1.8 to 2.9 times (3 m to 1 m) the object map's `depth_noise_m`, which is a Kinect's: a mask
+    keeps an object whole with other cameras, too.
+    """
     return 0.003 + 0.0025 * depth_m**2
 
 

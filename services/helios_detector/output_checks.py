@@ -65,7 +65,8 @@ class OutputFaults:
 def checked_findings(
     findings: object, shape: tuple[int, int], asked: Collection[str] | None = None
 ) -> tuple[Findings, OutputFaults]:
-    """(valid findings, faults).
+    """(valid findings, faults). A detection with an empty mask is no fault, but it is left out: the
+    maps cannot use it.
 
     shape: (height, width) of the image. asked: class names of the search context; None: any.
     Raises Internal when the whole output is unusable.
@@ -76,7 +77,7 @@ def checked_findings(
     given = [
         _detection(d, shape, asked, wrong) for d in _entries(findings.detections, "detections")
     ]
-    detections = tuple(d for d in given if d is not None)
+    detections = tuple(d for d in given if d is not None and d.mask.any())
     seen = tuple(
         s for s in [_seen(s, wrong) for s in _entries(findings.seen, "seen")] if s is not None
     )

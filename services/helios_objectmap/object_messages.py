@@ -24,6 +24,7 @@ from helios_objectmap.shown_object import ShownNames
 
 MOST_BOXES = 1000
 MOST_PIXELS = 1920 * 1200
+MOST_SIDE_PX = 16_384
 MOST_SIDE_M, MOST_AWAY_M = 3.0, 10_000.0
 
 
@@ -54,10 +55,17 @@ def held_message(seen: ShownNames) -> pb.HeldObjectReply:
 def camera_of(camera: pb.Pinhole, stride_px: int = 1) -> Pinhole:
     """Camera of a request. stride_px: pixel step of the picture, in both directions.
 
-    Raises InvalidInput for implausible intrinsics, or if the picture has over MOST_PIXELS pixels.
+    Raises InvalidInput for implausible intrinsics, or if the picture has over MOST_PIXELS pixels or
+    over MOST_SIDE_PX in a row or column.
     """
     out = pinhole_from_proto(camera)
-    if kept_pixels(out.width, stride_px) * kept_pixels(out.height, stride_px) > MOST_PIXELS:
+    sides = kept_pixels(out.width, stride_px), kept_pixels(out.height, stride_px)
+    if max(sides) > MOST_SIDE_PX:
+        raise InvalidInput(
+            f"{out.width}x{out.height} pixels asked for; at most {MOST_SIDE_PX * stride_px} to a "
+            "side"
+        )
+    if sides[0] * sides[1] > MOST_PIXELS:
         raise InvalidInput(
             f"{out.width}x{out.height} pixels asked for; at most {MOST_PIXELS * stride_px**2} in "
             "one picture"

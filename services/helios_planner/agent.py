@@ -24,14 +24,14 @@ class Agent:
     from tools, class and the point where the object was picked, if that receptacle must not be the
     goal, else None. retries: True if a failed pick is tried again from another pose. other_share:
     share of the evidence of an expected view that goes to the *other* class (Table 5); 0 is
-    optimistic.
+    optimistic; None: by the object map's setting `assumption`.
     """
 
     belief: type[Belief]
     seek_object: Callable[[SearchTools, str, str | None], Search]
     seek_receptacle: Callable[[SearchTools, str, np.ndarray | None], Search]
     retries: bool = True
-    other_share: float = 0.0
+    other_share: float | None = None
 
 
 def trusting(belief: type[Belief], explorer: Callable[[Search, str], Explorer]) -> Agent:

@@ -84,6 +84,7 @@ def service_config(service: str) -> SettingsConfigDict:
         cli_implicit_flags=True,
         frozen=True,
         extra="forbid",
+        allow_inf_nan=False,
     )
 
 

@@ -95,7 +95,7 @@ class SimulatedRobot(RobotInterface):
         class_name: str,
         T_world_cam: Sequence[Matrix],
         joint: bool,
-        other_share: float = 0.0,
+        other_share: float | None = None,
     ) -> WhatIf:
         return WhatIf((), ())
 

@@ -98,9 +98,7 @@ class HfDetector(DetectorBackend):
         for (i, c, box), mask in zip(picks, masks, strict=True):
             if found.masks is not None or self._masker:
                 mask = near_box(mask, box)
-            if not mask.any():
-                continue  # the maps cannot use an empty mask
-            if found.masks is not None or self._masker:
+            if (found.masks is not None or self._masker) and mask.any():
                 box = box_of(mask)  # the mask may extend beyond its prompt box
             name = phrases.wanted[c].name
             detections.append(Detection(name, float(scores[i, c]), box, mask))

@@ -184,7 +184,8 @@ class MapFiles:
         published = known(self._maps())
         kind = request.format or "map"
         if kind == "map":
-            files = {FILE_NAME: self._file()[1]}
+            published, data = self._file()
+            files = {FILE_NAME: data}
         elif kind == "npz":
             files = {"map2d.npz": encode_npz(published)}
         elif kind == "ros":
@@ -251,14 +252,15 @@ class MapFiles:
         if self._kept is not None:
             self._kept.close()
 
-    def _file(self) -> tuple[int, bytes]:
+    def _file(self) -> tuple[MapSnapshot, bytes]:
+        """The present map and its file. Raises Unavailable while there is none."""
         with self._lock:
             maps = self._maps()
             published = known(maps)
             current = maps.current if maps is not None else None
             views = current.memory.snapshot() if current is not None else ()
             world = maps.world if maps is not None else None
-        return published.version, encode_map(published, views, world)
+        return published, encode_map(published, views, world)
 
     def _refuse(self, reason: str) -> None:
         self._refused = self._trouble = reason
@@ -270,7 +272,8 @@ class MapFiles:
         changed = published is not None and published.version != kept_version
         if (changed or self._stored.unwritten) and not (published is None or published.empty):
             with contextlib.suppress(Unavailable):  # the map was reset meanwhile
-                newer = self._file()
+                written, data = self._file()
+                newer = written.version, data
         self._stored.write()
         return newer
 

@@ -202,8 +202,8 @@ class ImageTextScores:
         if not self._told_full:
             self._told_full = True
             log.warning(
-                "image-text scores fill %s of %s: views that show more of the home add no scores "
-                "from now on; to begin anew, run `helios map reset`",
+                "image-text scores fill %s of %s: views that show more of the home, or are scored "
+                "for more classes, add none from now on; to begin anew, run `helios map reset`",
                 counted(len(self._voxels), "voxel"),
                 counted(len(self._scores), "class", "classes"),
             )

@@ -336,7 +336,7 @@ class RobotClient(RobotInterface):
         class_name: str,
         T_world_cam: Sequence[Matrix],
         joint: bool,
-        other_share: float = 0.0,
+        other_share: float | None = None,
     ) -> WhatIf:
         request = pb.WhatIfRequest(
             object_id=id,
@@ -344,7 +344,7 @@ class RobotClient(RobotInterface):
             T_world_cam=[transform_to_proto(T) for T in T_world_cam],
             camera=pinhole_to_proto(self.description.camera),
             joint=joint,
-            other_share=other_share or None,  # unset: the object map's own setting
+            other_share=other_share,
         )
         try:
             reply = self._line.call(WHAT_IF, request, refusals=(InvalidInput, Conflict))

@@ -125,10 +125,11 @@ class RobotInterface(ABC):
         class_name: str,
         T_world_cam: Sequence[Matrix],
         joint: bool,
-        other_share: float = 0.0,
+        other_share: float | None = None,
     ) -> WhatIf:
         """Expected score and information gain of an instance if these views show it as the class;
-        other_share: share of their evidence that goes to the *other* class."""
+        other_share: share of their evidence that goes to the *other* class; None: by the object
+        map's setting."""
 
     @abstractmethod
     def held_object(self, class_name: str) -> HeldObject:

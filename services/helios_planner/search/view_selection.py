@@ -88,9 +88,10 @@ class ViewPlanner:
         robot: RobotInterface,
         base: BaseController,
         settings: Settings,
-        other_share: float = 0.0,
+        other_share: float | None = None,
     ) -> None:
-        """other_share: share of the evidence of an expected view that goes to the *other* class."""
+        """other_share: share of the evidence of an expected view that goes to the *other* class;
+        None: by the object map's setting."""
         self.robot, self.base, self.settings = robot, base, settings
         self._other_share = other_share
         self._looks: list[Look] = []

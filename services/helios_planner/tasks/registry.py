@@ -388,8 +388,10 @@ class TaskReporter:
         self._pace = ProgressEstimate(
             task.instruction.kind, task.max_steps, task.steps, task.progress
         )
-        limit_s = task.time_limit_s
-        self._ends_s = task.started_s + limit_s if limit_s else math.inf
+        self._ends_s = math.inf  # of the monotonic clock
+        if task.time_limit_s:
+            left_s = task.started_s + task.time_limit_s - time.time()
+            self._ends_s = time.monotonic() + left_s
         self._decisions = first_decision
         self._frame: FrameId | None = None  # the newest
         self._before: str | None = None  # message before a wait
@@ -456,4 +458,4 @@ class TaskReporter:
         self._registry.change(self._id, eta_s=None, **changes)
 
     def _eta_s(self) -> tuple[float, float] | None:
-        return self._pace.eta_s(self._ends_s - time.time())
+        return self._pace.eta_s(self._ends_s - time.monotonic())

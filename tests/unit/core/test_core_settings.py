@@ -29,6 +29,15 @@ def test_defaults_hold_without_any_source() -> None:
     assert Settings.load([]).cell_m == 0.025
 
 
+@pytest.mark.parametrize("value", ["nan", "inf"])
+def test_a_number_that_is_not_finite_is_refused(
+    value: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        Settings.load(["--cell-m", value])
+    assert "cell_m: Input should be a finite number" in capsys.readouterr().err
+
+
 def test_a_flag_overrides_the_environment_and_the_environment_overrides_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

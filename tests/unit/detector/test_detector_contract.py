@@ -43,6 +43,14 @@ def test_valid_findings_pass_unchanged():
     assert not wrong
 
 
+def test_a_detection_with_an_empty_mask_is_left_out_and_is_no_fault():
+    empty = replace(detection(), mask=np.zeros(SHAPE, bool))
+    held, wrong = checked_findings(Findings((empty, detection()), ()), SHAPE)
+    assert len(held.detections) == 1
+    assert held.detections[0].mask.any()
+    assert not wrong
+
+
 @pytest.mark.parametrize("sequence", [list, np.array])
 def test_a_box_of_another_sequence_type_becomes_a_tuple(sequence: Callable[[Any], Any]):
     listed = replace(detection(), box_xyxy=sequence((5, 5, 15, 15)))

@@ -351,11 +351,19 @@ def test_a_what_if_of_more_pixels_than_a_picture_may_have_is_refused_before_it_i
 
 
 def test_the_pixels_of_a_strided_picture_are_those_that_the_stride_keeps():
-    camera = pb.Pinhole(fx=1e8, fy=1e8, cx=2e9, cy=2, width=4_000_000_000, height=4)
-    assert camera_of(camera, 8).height == 4  # its first row would be the fifth
-    camera.height = 5
-    with pytest.raises(InvalidInput, match="4000000000x5 pixels asked for; at most 147456000 in"):
+    camera = pb.Pinhole(fx=1e5, fy=1e5, cx=6e4, cy=5e2, width=131_072, height=1124)
+    assert camera_of(camera, 8).height == 1124  # 140 rows of 16,384 pixels
+    camera.height = 1125
+    with pytest.raises(InvalidInput, match="131072x1125 pixels asked for; at most 147456000 in"):
         camera_of(camera, 8)
+
+
+def test_a_picture_whose_side_is_too_long_for_the_renderer_is_refused():
+    camera = pb.Pinhole(fx=1e5, fy=1e5, cx=2e4, cy=2, width=16_384, height=4)
+    assert camera_of(camera).width == 16_384
+    camera.width = 16_385
+    with pytest.raises(InvalidInput, match="16385x4 pixels asked for; at most 16384 to a side"):
+        camera_of(camera)
 
 
 def test_retire_by_id_or_point_removes_the_object(rig):

@@ -196,9 +196,8 @@ class Peers:
 
     def _what_if(self, request: pb.WhatIfRequest) -> pb.WhatIfReply:
         poses = [transform_from_proto(T, "T_world_cam") for T in request.T_world_cam]
-        out = self.world.what_if(
-            request.object_id, request.class_name, poses, request.joint, request.other_share
-        )
+        other = request.other_share if request.HasField("other_share") else None
+        out = self.world.what_if(request.object_id, request.class_name, poses, request.joint, other)
         return pb.WhatIfReply(
             score=out.scores,
             information_gain=out.gains_nats,

@@ -54,7 +54,9 @@ class FakeWorld(RobotInterface):
         self.picks, self.released = 0, None
         self.retired: list[int] = []  # ids of objects, in order of retirement
         self.cancel_after: int | None = None
-        self.shares: set[tuple[bool, float]] = set()  # (joint, other_share) of all what-if requests
+        self.shares: set[tuple[bool, float | None]] = (
+            set()
+        )  # (joint, other_share) of all what-if requests
         self._reported: list[Sighting] = []
         self._held: Thing | None = None
         self._pose, self._tilt = start, 0.0
@@ -227,7 +229,7 @@ class FakeWorld(RobotInterface):
         class_name: str,
         T_world_cam: Sequence[Matrix],
         joint: bool,
-        other_share: float = 0.0,
+        other_share: float | None = None,
     ) -> WhatIf:
         t = self.things[id]
         seen = [self._sees_from(T, t) for T in T_world_cam]

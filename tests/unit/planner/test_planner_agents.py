@@ -40,7 +40,7 @@ class NoObjectMap(FakeWorld):
         class_name: str,
         T_world_cam: Sequence[Matrix],
         joint: bool,
-        other_share: float = 0.0,
+        other_share: float | None = None,
     ) -> WhatIf:
         raise AssertionError("the object map was asked what a view would bring")
 

@@ -354,9 +354,9 @@ def test_whether_a_visit_would_change_with_another_tau_g_is_not_certain() -> Non
 
 
 # --- 50-50 ---------------------------------------------------------------------------------------
-@pytest.mark.parametrize(("agent", "share"), [("helios-paper", 0.0), ("helios-5050", 0.5)])
+@pytest.mark.parametrize(("agent", "share"), [("helios-paper", None), ("helios-5050", 0.5)])
 def test_the_5050_agent_applies_its_share_to_the_joint_gain_and_not_to_single_views(
-    agent: AgentName, share: float
+    agent: AgentName, share: float | None
 ) -> None:
     """The share counts in the joint gain (eq. 12); the score after one more view (eq. 11) stays."""
     world = flat([counter()], Pose2(2.2, 5.0, 1.57))
@@ -365,4 +365,4 @@ def test_the_5050_agent_applies_its_share_to_the_joint_gain_and_not_to_single_vi
     (thing,) = world.objects("counter")
     assert tools.looking.information_gain(thing, "counter") is not None
     assert tools.looking.best_view(thing, "counter") is not None
-    assert world.shares == {(True, share), (False, 0.0)}
+    assert world.shares == {(True, share), (False, None)}
