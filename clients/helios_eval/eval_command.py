@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -46,6 +45,7 @@ from helios_eval.episodes.episode_record import Benchmark, EpisodeRecord, read
 from helios_eval.episodes.episode_spec import DEFAULT_PICK_RULE
 from helios_eval.episodes.run_conditions import parse_condition
 from helios_eval.plan_command import plan
+from helios_eval.provenance import usable_cores
 from helios_eval.report import write_report_of
 from helios_eval.report.number_format import plural
 from helios_eval.runs import merge_runs, results, unseen_homes
@@ -223,7 +223,7 @@ def _run(
         )
     asked = Run(
         under.benchmark, under.agents, limits, under.semantics, under.preset, episodes, seed0, out,
-        jobs or os.cpu_count() or 1, under.noise, under.settings, ray, why,
+        jobs or usable_cores(), under.noise, under.settings, ray, why,
         under.inputs,
     )  # fmt: skip
     console = Screen()

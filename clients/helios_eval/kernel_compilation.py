@@ -11,7 +11,6 @@ kernel has changed.
 from __future__ import annotations
 
 import multiprocessing
-import os
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import cache
@@ -20,6 +19,8 @@ from helios_map2d.warm_up import warm_up as warm_up_maps
 from helios_objectmap.settings import ObjectMapSettings
 from helios_objectmap.warm_up import warm_up as warm_up_objects
 from helios_planner.warm_up import warm_up as warm_up_paths
+
+from helios_eval.provenance import usable_cores
 
 
 def objects() -> None:
@@ -49,7 +50,7 @@ def main() -> None:
     """Compile the missing kernels, each service in its own process."""
     began_s = time.monotonic()
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(len(PARTS), os.cpu_count() or 1), spawn) as pool:
+    with ProcessPoolExecutor(min(len(PARTS), usable_cores()), spawn) as pool:
         doing = {pool.submit(part): name for name, part in PARTS.items()}
         for done in as_completed(doing):
             done.result()

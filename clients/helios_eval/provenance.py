@@ -27,6 +27,14 @@ def machine() -> str:
     return f"{name}, {os.cpu_count()} cores, {platform.system()}"
 
 
+def usable_cores() -> int:
+    """Number of processor cores that this process may use; fewer than the machine's if it is bound
+    to some of them."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def checkout() -> Path | None:
     """Root folder of the source checkout that this program runs from; None if it is installed."""
     root = Path(__file__).resolve().parents[2]

@@ -93,9 +93,10 @@ class EpisodeSpec:
         """True if a part of the stack may read the color image: a real detector, a scorer that
         looks at it, or an agent of another package.
         """
-        simulated_scorer = scorer_of(self.settings).startswith((SIMULATED, REAL_SCORER))
+        kind = scorer_of(self.settings).partition(":")[0]
+        reads_no_pixels = kind in (SIMULATED.rstrip(":"), REAL_SCORER)
         own_agent = self.agent in (*planner_agents(), WALKER)
-        return self.semantics == "detector" or not (simulated_scorer and own_agent)
+        return self.semantics == "detector" or not (reads_no_pixels and own_agent)
 
     @property
     def target_absent(self) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from helios_client.usage_errors import UsageError
@@ -69,13 +70,26 @@ def digest_of(path: Path) -> str:
     """
     beside = path.with_suffix(".txt")
     if path.is_file() and not beside.is_file():
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return _digest_of_file(path)
     files = [path, beside] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
     digest = hashlib.sha256()
     for file in files:
         digest.update(f"{file.relative_to(path.parent)}\n".encode())
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
+        digest.update(bytes.fromhex(_digest_of_file(file)))
     return digest.hexdigest()
+
+
+def _digest_of_file(path: Path) -> str:
+    """SHA-256 (hex) of a file. It is read again only if its size or time has changed: a large model
+    is checked before each episode."""
+    now = path.stat()
+    return _digest_as_of(path, now.st_mtime_ns, now.st_size)
+
+
+@lru_cache(maxsize=256)
+def _digest_as_of(path: Path, _mtime_ns: int, _size: int) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def equal_but_for_digest(name: str, other: str) -> bool:

@@ -95,10 +95,28 @@ def parse_condition(
         settings |= service_settings.parsed([f"{episode_spec.SCORER}={scorer or default_scorer}"])
     setting_files(known_agents, settings)
     noisy = known_semantics == "noisy"
+    if not noisy:
+        _check_no_noise(known_semantics, table, level, correlation)
     noise = _noise(table or home_presets.noise_of(preset), level, correlation) if noisy else None
     return Condition(
         known_agents, known_benchmark, known_semantics, preset, noise, settings, inputs
     )
+
+
+def _check_no_noise(
+    semantics: str, table: str | None, level: float, correlation: float | None
+) -> None:
+    """Raise UsageError for a flag of the simulated errors, which other semantics do not have."""
+    flags = {
+        "--noise": table is not None,
+        "--noise-level": level != 1.0,
+        "--noise-correlation": correlation is not None,
+    }
+    if given := [flag for flag, is_given in flags.items() if is_given]:
+        raise UsageError(
+            f"{given[0]} has no effect with --semantics {semantics}; leave it out, or take "
+            "--semantics noisy"
+        )
 
 
 def _noise(table: str, level: float, correlation: float | None) -> Noise:

@@ -45,8 +45,13 @@ def parsed(assignments: Iterable[str]) -> dict[str, Setting]:
         if not (equals and service):
             raise UsageError(f"--set {assignment!r} is no name=value; write --set alpha_d=0.01")
         value = _value(service, field, text.strip())
-        out[f"{service}.{field}"] = value if isinstance(value, Setting) else text.strip()
+        out[f"{service}.{field}"] = value if isinstance(value, Setting) else _as_text(value)
     return out
+
+
+def _as_text(value: object) -> str:
+    """The one text of a value that is no `Setting`: a tuple as "0.1,0.2"."""
+    return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 
 def of_stack(agent: str, settings: Mapping[str, Setting]) -> dict[str, Setting]:

@@ -18,8 +18,8 @@ from helios_eval.error_models.chart import draw
 from helios_eval.error_models.model_building import FITTED, Built, of_homes, of_recordings
 from helios_eval.error_models.recordings import RECORDED, look_at_recordings, read_places
 from helios_eval.error_models.simulated_homes import look_at_homes
+from helios_eval.ledger import FIRST_SEED
 
-FIRST_SEED_NOT_PLAYED = 1000  # later homes are for evaluations
 MEANING = {
     "hit": "right name, in a view that names the thing",
     "mistaken": "another name, so that the map's rule is likeliest",
@@ -90,9 +90,9 @@ def seeds_of(text: str) -> range:
     first, _, last = text.partition("-")
     if not (first.isdecimal() and (last or first).isdecimal()) or int(last or first) < int(first):
         raise UsageError(f"--homes is {text!r}; wanted a seed or a range, as 3 or 0-19")
-    if int(last or first) >= FIRST_SEED_NOT_PLAYED:
+    if int(last or first) >= FIRST_SEED:
         raise UsageError(
-            f"--homes is {text}; take homes below {FIRST_SEED_NOT_PLAYED}, because later ones are "
+            f"--homes is {text}; take homes below {FIRST_SEED}, because later ones are "
             "for evaluations"
         )
     return range(int(first), int(last or first) + 1)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 import sys
 import time
 from collections.abc import Collection, Generator, Mapping, Sequence
@@ -32,7 +31,7 @@ from helios_eval.episodes.real_detector import equal_but_for_digest
 from helios_eval.episodes.run_conditions import setting_files
 from helios_eval.episodes.service_settings import differing_settings
 from helios_eval.episodes.worker import Skipped
-from helios_eval.provenance import commit, machine
+from helios_eval.provenance import commit, machine, usable_cores
 from helios_eval.report import played_before, write_report
 from helios_eval.report.played_before import SHOWN, Folder, folders_of
 from helios_eval.report.requested_episodes import KEYS, commands_of, requests_of
@@ -319,7 +318,7 @@ def _how_played(here: str, former: Mapping[str, Any]) -> dict[str, Any]:
         "commit": here,
         "machine": machine(),
         "machines": list(dict.fromkeys([*machines_of(former), machine()])),
-        "cores": os.cpu_count(),
+        "cores": usable_cores(),
         VERSIONS: versions,
         ALL_VERSIONS: [*(v for v in played_with.versions_of(former) if v != versions), versions],
     }

@@ -29,6 +29,7 @@ from rich.table import Table
 
 from helios_eval.episodes.episode_record import EpisodeRecord, Noise
 from helios_eval.episodes.episode_spec import DEFAULT_SCORER, SCORER, noise_of
+from helios_eval.provenance import usable_cores
 from helios_eval.report import number_format
 from helios_eval.report.interval_statistics import Interval, json_bounds, paired_ratio
 from helios_eval.runs.evaluation_run import Run, run
@@ -161,7 +162,7 @@ def main() -> int:
     parser.add_argument("--preset", default="ovmm-v1", help="kind of homes")
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--seed0", type=int, default=0, help="first home")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--jobs", type=int, default=usable_cores())
     parser.add_argument("--out", type=Path, default=Path("runs/severity"))
     asked, console = parser.parse_args(), Console()
     try:

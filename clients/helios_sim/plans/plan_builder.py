@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from helios_core.errors import InvalidInput
+from helios_core.errors import InvalidInput, Unavailable
 from numpy.typing import NDArray
 
 from helios_sim.home import freespace
@@ -95,7 +95,7 @@ def home_of_plan(
 ) -> PlanHome:
     """Home of a plan with the household things and the start pose of a seed.
 
-    Raises InvalidInput if the plan cannot be used, or is not the file it was.
+    Raises InvalidInput if the plan cannot be used, and Unavailable if it is not the file it was.
     """
     if seed < 0:
         raise InvalidInput(f"seed {seed} came; a seed of 0 or more is wanted")
@@ -108,7 +108,7 @@ def home_of_plan(
         beside = household_file.path_beside(source.path)
         things = household_file.read_things(beside)
         if file_sha256(beside) != source.things_sha256:
-            raise InvalidInput(f"{beside} has changed since the run began; begin another run")
+            raise Unavailable(f"{beside} has changed since the run began; begin another run")
         return household_file.laid(empty, floor, things)
     return _with_things(drawn, empty, seed)
 
@@ -135,7 +135,7 @@ def _with_things(drawn: DrawnHome, empty: PlanHome, seed: int) -> PlanHome:
 def drawn_home(source: PlanSource, furniture_models: FurnitureModels | None = None) -> DrawnHome:
     """Home of a plan without household things; the last ones are kept.
 
-    Raises InvalidInput if the plan cannot be used, or is not the file it was.
+    Raises InvalidInput if the plan cannot be used, and Unavailable if it is not the file it was.
     """
     with PlanArchive(source.path) as archive:
         now = PlanSource.of(source.path, source.level)
@@ -154,9 +154,9 @@ def drawn_home(source: PlanSource, furniture_models: FurnitureModels | None = No
 
 
 def _check_same(path: Path, then: str, now: str) -> None:
-    """Compare the digests of a file, empty without it. Raises InvalidInput if they differ."""
+    """Compare the digests of a file, empty without it. Raises Unavailable if they differ."""
     if then != now:
-        raise InvalidInput(
+        raise Unavailable(
             f"{path} is no longer the file it was ({then[:12] or 'none'}, now "
             f"{now[:12] or 'none'}); start again with the new file"
         )

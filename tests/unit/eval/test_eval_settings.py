@@ -33,6 +33,12 @@ def test_a_setting_is_found_by_its_name_and_keeps_its_type() -> None:
     }
 
 
+def test_a_tuple_has_one_text_however_it_is_typed() -> None:
+    """Else equal episodes would count as two arms."""
+    for typed in ("0.1,0.05", "0.10, 0.05", " .1 ,5e-2"):
+        assert service_settings.parsed([f"margins_m={typed}"]) == {"planner.margins_m": "0.1,0.05"}
+
+
 def test_none_is_a_word_unless_the_setting_may_be_nothing() -> None:
     found = service_settings.parsed(["landmarks=none", "detector.depth=none", "floor_m=none"])
     assert service_settings.of_service("detector", found) == {"landmarks": "none", "depth": "none"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Generator, Sequence
 from dataclasses import replace
@@ -19,7 +20,7 @@ from helios_eval.episodes.episode_judgement import episode_for
 from helios_eval.episodes.episode_player import PlayedEpisode, play
 from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.episodes.home_presets import home_of
-from helios_eval.episodes.real_detector import real_detector
+from helios_eval.episodes.real_detector import digest_of, real_detector
 from helios_eval.episodes.run_conditions import Condition, parse_condition
 from helios_eval.episodes.task_classes import TaskClasses
 from helios_eval.episodes.worker import Skipped
@@ -48,11 +49,14 @@ def model(path: Path, score: float = 0.9) -> Path:
 
 
 def condition(detector: str | None, semantics: str = "detector", **more: Any) -> Condition:
-    given = {"benchmark": "ovmm", "scorer": None, "task_classes": "all"} | more
+    given: dict[str, Any] = {
+        "benchmark": "ovmm", "scorer": None, "task_classes": "all", "table": None, "level": 1.0,
+        "correlation": None,
+    }  # fmt: skip
+    given |= more
     return parse_condition(
-        ["helios-paper"], given.pop("benchmark"), semantics=semantics, preset="demo-v1", table=None,
-        level=1.0, correlation=None, sensor="none", assignments=[], max_steps=None,
-        detector=detector, **given,
+        ["helios-paper"], given.pop("benchmark"), semantics=semantics, preset="demo-v1",
+        sensor="none", assignments=[], max_steps=None, detector=detector, **given,
     )  # fmt: skip
 
 
@@ -143,6 +147,25 @@ def test_tasks_in_the_words_of_a_detector_have_no_pick_rule_by_the_names_of_the_
         condition(detector, task_classes=str(classes), pick_rule="ovmm")
 
 
+@pytest.mark.parametrize("semantics", ["detector", "ground-truth"])
+@pytest.mark.parametrize(
+    ("flag", "given"),
+    [
+        ("--noise ", {"table": "ovmm-v1"}),
+        ("--noise-level", {"level": 3.0}),
+        ("--noise-correlation", {"correlation": 0.9}),
+    ],
+)
+def test_flags_of_the_simulated_errors_are_refused_where_they_have_no_effect(
+    tmp_path: Path, semantics: str, flag: str, given: dict[str, Any]
+) -> None:
+    real = semantics == "detector"
+    detector = f"onnx:{model(tmp_path / 'tiny.onnx')}" if real else None
+    said = f"{flag.strip()} has no effect with --semantics {semantics}"
+    with pytest.raises(UsageError, match=said):
+        condition(detector, semantics, task_classes="all" if real else None, **given)
+
+
 # --- the stack ------------------------------------------------------------------------------------
 def test_the_stack_works_with_the_detections_of_the_model(tmp_path: Path) -> None:
     classes = tmp_path / "mine.toml"
@@ -162,6 +185,19 @@ def test_an_episode_refuses_a_file_that_changed_after_the_start_of_the_run(tmp_p
     model(path, 0.5)
     with pytest.raises(Unavailable, match="has changed since the run began"):
         play(spec_of(under), "here")
+
+
+def test_a_large_model_is_read_again_only_if_it_has_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "tiny.onnx"
+    path.write_bytes(b"weights")
+    first = digest_of(path)
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "open", lambda *_: pytest.fail("the file was read again"))
+        assert digest_of(path) == first == hashlib.sha256(b"weights").hexdigest()
+    path.write_bytes(b"other weights")
+    assert digest_of(path) == hashlib.sha256(b"other weights").hexdigest()
 
 
 # --- runs -----------------------------------------------------------------------------------------

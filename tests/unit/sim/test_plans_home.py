@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from helios_core.errors import InvalidInput
+from helios_core.errors import InvalidInput, Unavailable
 from helios_sim.episode_tracker import episode_of
 from helios_sim.ground_truth_solver import GroundTruthSolver
 from helios_sim.home.task_sampling import NoTask
@@ -204,7 +204,7 @@ def test_things_that_changed_since_the_run_began_are_refused(tmp_path: Path) -> 
     source = PlanSource.of(path)
     assert home_of_plan(source, 0).objects
     path.with_suffix(".toml").write_text('[[things]]\nclass = "book"\non = "dining table"\n')
-    with pytest.raises(InvalidInput, match="has changed since the run began"):
+    with pytest.raises(Unavailable, match="has changed since the run began"):
         home_of_plan(source, 1)
 
 
@@ -213,11 +213,11 @@ def test_a_plan_that_changed_since_is_refused(tmp_path: Path) -> None:
     source = PlanSource.of(path)
     path.with_suffix(".toml").write_text('[[things]]\nclass = "mug"\non = "dining table"\n')
     now = PlanSource.of(path).things_sha256[:12]
-    with pytest.raises(InvalidInput, match=rf"a\.toml is no longer the file .*none, now {now}\)"):
+    with pytest.raises(Unavailable, match=rf"a\.toml is no longer the file .*none, now {now}\)"):
         drawn_home(source)
     write_plan(path, (TWO_ROOMS, room("Bath", LEFT)))
     now = PlanSource.of(path).sha256[:12]
-    with pytest.raises(InvalidInput, match=rf"a\.sh3d is no longer the file .*now {now}\)"):
+    with pytest.raises(Unavailable, match=rf"a\.sh3d is no longer the file .*now {now}\)"):
         drawn_home(source)
 
 
