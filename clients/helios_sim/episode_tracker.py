@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import cv2
@@ -13,7 +12,7 @@ from helios_sim.episode_events import Collided, Event, PickTried, PlaceTried
 from helios_sim.home import Episode, Home
 from helios_sim.home.catalogs import CATALOGS
 from helios_sim.home.task_sampling import AMBIGUOUS, NoTask
-from helios_sim.navigable_area import NavigableArea, Points, clearance_m
+from helios_sim.navigable_area import NavigableArea, Points
 from helios_sim.objectnav_metrics import MIN_SHORTEST_M
 from helios_sim.ovmm_metrics import (
     Progress,
@@ -26,7 +25,6 @@ from helios_sim.ovmm_metrics import (
 )
 
 _CELL_M = 0.05
-_LOOK_M = 0.05  # sampling distance along a driven segment for the navigable-area check
 
 
 def episode_of(home: Home, seed: int) -> Episode:
@@ -123,10 +121,6 @@ class EpisodeTracker:
         self.events: list[Event] = []
         self.track_m: list[tuple[float, float]] = [(home.start_pose[0], home.start_pose[1])]
         self._home = home
-        self._radius_m = radius_m
-        self._rectangles = np.array(
-            [(o.x, o.y, o.half_x, o.half_y, o.yaw_rad) for o in home.obstacles()]
-        ).reshape(-1, 5)
 
     def arrived(self) -> bool:
         """True if the base is where object navigation succeeds; see `objectnav_metrics`."""
@@ -157,9 +151,7 @@ class EpisodeTracker:
         released: ReleaseResult | None = None,
     ) -> None:
         """Update the metrics after one action."""
-        way = np.linspace(self.track_m[-1], base_xy_m, 2 + math.ceil(moved_m / _LOOK_M))
-        left = bool((clearance_m(way[1:], self._rectangles) < self._radius_m).any())
-        step = Step(base_xy_m, coverage, held, released, collided_with, moved_m, left)
+        step = Step(base_xy_m, coverage, held, released, collided_with, moved_m)
         self.progress = advance(self.progress, step, self.targets)
         self.track_m.append(base_xy_m)
         if collided_with:

@@ -20,11 +20,9 @@
 Viewpoints lie on a grid of 0.15 m around a bounding box, up to 1.0 m from it, where a disc of
 0.3 m fits and which it can reach.
 
-Leaving the navigable area is counted separately from collisions, at most once per step. Habitat has
-no contact between base and scene, and rejects such a move completely. Here the move is executed,
-and the body (radius 0.27 m) stops at the contact: a collision, in a step that also counts as
-leaving the navigable area (radius 0.3 m). This rule is stricter: a move into a table, which Habitat
-only rejects, makes SR false here.
+Habitat has no contact between base and scene, and rejects a move out of the navigable area. Here
+the move is executed, and the body (radius 0.27 m) stops at the contact: a collision. This rule is
+stricter: a move into a table, which Habitat only rejects, makes SR false here.
 """
 
 from __future__ import annotations
@@ -64,7 +62,6 @@ class Step:
     released: ReleaseResult | None = None
     collided_with: frozenset[str] = frozenset()
     moved_m: float = 0.0
-    left_navigable: bool = False  # at any time during the move
 
 
 @dataclass(frozen=True)
@@ -95,7 +92,6 @@ class Progress:
     placed: bool = False  # a candidate rests on a goal receptacle, regardless of earlier phases
     collisions: int = 0
     collided_with: tuple[str, ...] = ()
-    left_navigable: int = 0  # number of steps
     steps: int = 0
     path_m: float = 0.0
     find_object_steps: int = 0  # steps and path until FindObj; 0 before it
@@ -132,7 +128,6 @@ def advance(progress: Progress, step: Step, targets: Targets) -> Progress:
         placed=rests,
         collisions=progress.collisions + bool(step.collided_with),
         collided_with=(*progress.collided_with, *new),
-        left_navigable=progress.left_navigable + step.left_navigable,
         steps=steps,
         path_m=path_m,
     )

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 FAILED = "failed"
 MOST_KEPT = 12  # per agent
-_NAME = re.compile(r"(?P<agent>.+)-(noisy|ground-truth|detector)-\d+-[0-9a-f]{12}\.npz")
+_NAME = re.compile(r"(?P<agent>.+)-(noisy|ground-truth|detector)-(?P<seed>\d+)-[0-9a-f]{12}\.npz")
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,21 @@ def path_of(folder: Path, kept: FailureSnapshot) -> Path:
     """Path of a failure snapshot."""
     digest = hashlib.sha256(kept.key.encode()).hexdigest()[:12]
     return folder / FAILED / f"{kept.agent}-{kept.semantics}-{kept.seed}-{digest}.npz"
+
+
+def keep(folder: Path, kept: FailureSnapshot) -> None:
+    """Write the snapshot if it is among the `MOST_KEPT` of its agent with the lowest seeds, and
+    delete the one that it displaces: which remain does not depend on the order of the episodes."""
+    save(folder, kept)
+    several = sorted(all_of(folder, kept.agent), key=_order)
+    for path in several[MOST_KEPT:]:
+        path.unlink(missing_ok=True)
+
+
+def _order(path: Path) -> tuple[int, str]:
+    named = _NAME.fullmatch(path.name)
+    assert named is not None  # `all_of` gives only such names
+    return int(named["seed"]), path.name
 
 
 def save(folder: Path, kept: FailureSnapshot) -> Path:

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import logging
 import os
+import platform
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection, wait
 from typing import TYPE_CHECKING
@@ -95,6 +97,25 @@ def play_safely(spec: EpisodeSpec, commit: str) -> PlayedEpisode | Skipped | str
         return f"{type(error).__name__}: {error}"
 
 
+@cache
+def _loaded_code() -> str:
+    """Commit of the code of this process, at its first episode."""
+    from helios_eval import provenance
+
+    return provenance.commit()
+
+
+def check_code(commit: str) -> None:
+    """Raise Unavailable if this process loaded other code than that of the commit."""
+    from helios_core.errors import Unavailable
+
+    if _loaded_code() != commit:
+        raise Unavailable(
+            f"the code of {platform.node()} is {_loaded_code()}, and the run began with {commit}; "
+            "give the command again, with the same code on every machine"
+        )
+
+
 def serve(connection: Connection, commit: str, folder: str) -> None:
     """Play the episodes received over the connection, until it closes or the parent process ends.
 
@@ -108,9 +129,7 @@ def serve(connection: Connection, commit: str, folder: str) -> None:
     tempfile.tempdir = folder
     from helios_core.errors import Unavailable
 
-    from helios_eval import provenance
-
-    here = provenance.commit()
+    _loaded_code()
     answer: Callable[[object], None] = connection.send
     while True:
         try:
@@ -118,11 +137,7 @@ def serve(connection: Connection, commit: str, folder: str) -> None:
         except EOFError:
             return
         try:
-            if here != commit:
-                raise Unavailable(
-                    f"the code is now {here}, and the run began with {commit}; give the command "
-                    "again"
-                )
+            check_code(commit)
             answer(play_safely(spec, commit))
         except Unavailable as error:
             answer(error)

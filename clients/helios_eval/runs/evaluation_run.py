@@ -161,7 +161,7 @@ def _kept_record(
     record = failed_record(spec, came, here) if isinstance(came, str) else came.record
     with run_folder.write_errors_as_unavailable(out):
         if not isinstance(came, str) and came.snapshot is not None:
-            _keep(out, came.snapshot)
+            failure_snapshot.keep(out, came.snapshot)
         episode_record.append(out, record)
     return record
 
@@ -330,9 +330,3 @@ def _outcomes(asked: Run, missing: Sequence[EpisodeSpec], here: str) -> Generato
     from helios_eval.runs.ray_pool import play_all_on_ray
 
     return play_all_on_ray(missing, asked.ray, here)
-
-
-def _keep(out: Path, kept: failure_snapshot.FailureSnapshot) -> None:
-    """Save the snapshots of the first failures of each agent."""
-    if len(failure_snapshot.all_of(out, kept.agent)) < failure_snapshot.MOST_KEPT:
-        failure_snapshot.save(out, kept)

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from helios_core.errors import Unavailable
 
 from helios_eval.episodes.episode_spec import EpisodeSpec
-from helios_eval.episodes.worker import ONE_THREAD, play_safely, prepare
+from helios_eval.episodes.worker import ONE_THREAD, check_code, play_safely, prepare
 from helios_eval.runs.process_pool import ATTEMPTS, Outcome
 
 LOCAL = "local"
@@ -76,4 +76,5 @@ def _sigterm_kept() -> Iterator[None]:
 
 def _played(spec: EpisodeSpec, commit: str) -> object:
     prepare()
+    check_code(commit)
     return play_safely(spec, commit)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -57,6 +58,16 @@ def test_snapshots_of_one_episode_with_different_settings_are_kept_side_by_side(
     paths = [failure_snapshot.save(tmp_path, kept) for kept in (KEPT, other)]
     assert [failure_snapshot.load(path).cause for path in paths] == ["object not found", "stuck"]
     assert failure_snapshot.all_of(tmp_path) == sorted(paths)
+
+
+@given(st.permutations(range(16)))
+def test_those_of_the_lowest_seeds_are_kept_in_whatever_order_they_came(seeds: list[int]) -> None:
+    """So the pictures of a run do not depend on how many episodes play at once."""
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in seeds:
+            failure_snapshot.keep(Path(folder), replace(KEPT, key=f"{seed}", seed=seed))
+        left = [failure_snapshot.load(p).seed for p in failure_snapshot.all_of(Path(folder))]
+    assert sorted(left) == list(range(failure_snapshot.MOST_KEPT))
 
 
 def test_a_snapshot_with_an_empty_trajectory_is_loaded(tmp_path: Path) -> None:

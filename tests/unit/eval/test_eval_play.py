@@ -15,6 +15,7 @@ from helios_eval import provenance
 from helios_eval.episodes.episode_player import PlayedEpisode, play, running_stack
 from helios_eval.episodes.episode_record import EpisodeRecord, Semantics
 from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec, noise_of
+from helios_eval.runs import ray_pool
 from helios_eval.runs.process_pool import play_all
 from helios_planner.service import PlannerService
 
@@ -179,6 +180,14 @@ def test_object_navigation_records_the_shortest_path() -> None:
 def test_a_process_that_loads_other_code_than_the_run_began_with_plays_nothing() -> None:
     with pytest.raises(Unavailable, match="the run began with abc1234; give the command again"):
         list(play_all([spec()], 1, "abc1234"))
+
+
+def test_a_machine_of_a_ray_cluster_with_other_code_plays_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(ray_pool, "prepare", lambda: None)  # it changes this process
+    with pytest.raises(Unavailable, match="the run began with abc1234; give the command again"):
+        ray_pool._played(spec(), "abc1234")
 
 
 def test_an_episode_refuses_a_noise_table_that_changed_after_the_start_of_the_run() -> None:

@@ -131,13 +131,6 @@ def test_picking_the_placed_object_again_revokes_success():
     assert not done.success
 
 
-def test_leaving_the_navigable_area_is_counted_but_does_not_prevent_success():
-    out = Step((2.0, 1.0), left_navigable=True, held="mug_0")
-    done = run(AT_MUG, holding(AT_MUG), out, out, replace(AT_SOFA, released=ON_SOFA))
-    assert (done.left_navigable, done.collisions) == (2, 0)
-    assert done.success
-
-
 def test_a_collision_prevents_success_but_not_place():
     bump = Step((2.0, 1.0), collided_with=frozenset({"walls"}), held="mug_0")
     done = run(AT_MUG, holding(AT_MUG), bump, bump, replace(AT_SOFA, released=ON_SOFA))
