@@ -6,6 +6,7 @@ that a process killed while writing does not disturb the others.
 
 from __future__ import annotations
 
+import fcntl
 import multiprocessing
 import os
 import shutil
@@ -14,12 +15,13 @@ import tempfile
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import psutil
 from helios_core.errors import HeliosError
@@ -29,6 +31,7 @@ from helios_eval.episodes.episode_spec import EpisodeSpec
 from helios_eval.episodes.worker import Skipped, serve
 
 _PREFIX = "helios-eval-"
+_LOCK = "lock"
 _MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # for temporary files
 ATTEMPTS = 2  # per episode whose process dies
 
@@ -66,52 +69,51 @@ def play_all(
     Closing the iterator kills running processes. Raises Unavailable if nothing can be played.
     """
     _tidy_up()
-    folder = tempfile.TemporaryDirectory(prefix=f"{_PREFIX}{os.getpid()}-", dir=_MEMORY)
-    context = multiprocessing.get_context("spawn")
-    waiting = deque(specs)
-    deaths: dict[str, int] = {}
-    workers: list[_Worker] = []
+    with _temporary_folder() as folder:
+        context = multiprocessing.get_context("spawn")
+        waiting = deque(specs)
+        deaths: dict[str, int] = {}
+        workers: list[_Worker] = []
 
-    def start() -> None:
-        ours, theirs = context.Pipe()
-        process = context.Process(target=serve, args=(theirs, commit, folder.name), daemon=True)
-        with _interrupts_put_off():
-            process.start()
-            workers.append(_Worker(process, ours))
-        theirs.close()
-        workers[-1].give(waiting.popleft())
+        def start() -> None:
+            ours, theirs = context.Pipe()
+            process = context.Process(target=serve, args=(theirs, commit, folder), daemon=True)
+            with _interrupts_put_off():
+                process.start()
+                workers.append(_Worker(process, ours))
+            theirs.close()
+            workers[-1].give(waiting.popleft())
 
-    try:
-        while waiting or workers:
-            while waiting and len(workers) < jobs:
-                start()
-            ready = wait([w.connection for w in workers])
-            for worker in [w for w in workers if w.connection in ready]:
-                spec = worker.spec
-                assert spec is not None
-                try:
-                    came = worker.connection.recv()
-                except (EOFError, OSError):
-                    workers.remove(worker)
-                    worker.kill()
-                    deaths[spec.key] = deaths.get(spec.key, 0) + 1
-                    if deaths[spec.key] < ATTEMPTS:
-                        waiting.appendleft(spec)
+        try:
+            while waiting or workers:
+                while waiting and len(workers) < jobs:
+                    start()
+                ready = wait([w.connection for w in workers])
+                for worker in [w for w in workers if w.connection in ready]:
+                    spec = worker.spec
+                    assert spec is not None
+                    try:
+                        came = worker.connection.recv()
+                    except (EOFError, OSError):
+                        workers.remove(worker)
+                        worker.kill()
+                        deaths[spec.key] = deaths.get(spec.key, 0) + 1
+                        if deaths[spec.key] < ATTEMPTS:
+                            waiting.appendleft(spec)
+                        else:
+                            yield spec, _end_reason(worker)
+                        continue
+                    if isinstance(came, HeliosError):
+                        raise came
+                    if waiting:
+                        worker.give(waiting.popleft())
                     else:
-                        yield spec, _end_reason(worker)
-                    continue
-                if isinstance(came, HeliosError):
-                    raise came
-                if waiting:
-                    worker.give(waiting.popleft())
-                else:
-                    workers.remove(worker)
-                    worker.kill()
-                yield spec, came
-    finally:
-        for worker in workers:
-            worker.kill()
-        folder.cleanup()
+                        workers.remove(worker)
+                        worker.kill()
+                    yield spec, came
+        finally:
+            for worker in workers:
+                worker.kill()
 
 
 @contextmanager
@@ -138,12 +140,38 @@ def _interrupts_put_off() -> Iterator[None]:
         raise KeyboardInterrupt(came[0])
 
 
+@contextmanager
+def _temporary_folder() -> Iterator[str]:
+    """A new folder for temporary files. It holds a lock while this process lives."""
+    prefix = f"{_PREFIX}{os.getpid()}-"
+    with (
+        TemporaryDirectory(prefix=prefix, dir=_MEMORY, ignore_cleanup_errors=True) as folder,
+        Path(folder, _LOCK).open("w") as lock,
+    ):
+        with suppress(OSError):  # of a file system without locks
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield folder
+
+
 def _tidy_up() -> None:
     """Delete the temporary folders of runs that were killed."""
     for folder in Path(_MEMORY or tempfile.gettempdir()).glob(f"{_PREFIX}*-*"):
         pid = folder.name.removeprefix(_PREFIX).partition("-")[0]
-        if pid.isdecimal() and not psutil.pid_exists(int(pid)):
+        if pid.isdecimal() and not psutil.pid_exists(int(pid)) and not _is_locked(folder):
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def _is_locked(folder: Path) -> bool:
+    """True if a live process has the folder, also one of another container, whose process numbers
+    mean nothing here."""
+    try:
+        with (folder / _LOCK).open() as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+    return False
 
 
 def _end_reason(worker: _Worker) -> str:

@@ -15,6 +15,7 @@ import pytest
 from helios_core.errors import Unavailable
 from helios_eval.episodes.episode_player import PlayedEpisode
 from helios_eval.episodes.episode_spec import EpisodeSpec
+from helios_eval.runs import process_pool
 from helios_eval.runs.process_pool import Outcome, play_all
 
 from tests.support import wait_until
@@ -100,3 +101,20 @@ def test_interrupts_are_blocked_while_the_first_process_starts() -> None:
     ).stdout
     (mask,) = [line.split()[1] for line in said.splitlines() if line.startswith("SigBlk")]
     assert int(mask, 16) >> (signal.SIGINT - 1) & 1
+
+
+def test_only_folders_that_no_live_run_holds_are_deleted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A run in another container has a process number that does not exist here."""
+    monkeypatch.setattr(process_pool, "_MEMORY", str(tmp_path))
+    monkeypatch.setattr(process_pool.psutil, "pid_exists", lambda _: False)
+    with process_pool._temporary_folder() as live:
+        killed = tmp_path / "helios-eval-1234567-x"
+        killed.mkdir()
+        (killed / "lock").touch()
+        before_locks = tmp_path / "helios-eval-1234568-x"
+        before_locks.mkdir()
+        process_pool._tidy_up()
+        assert list(tmp_path.iterdir()) == [Path(live)]
+    assert not list(tmp_path.iterdir())
