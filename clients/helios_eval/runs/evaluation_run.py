@@ -28,7 +28,6 @@ from helios_eval.episodes.episode_player import PlayedEpisode
 from helios_eval.episodes.episode_record import Benchmark, EpisodeRecord, Noise, Semantics, Setting
 from helios_eval.episodes.episode_spec import DETECTOR, TASK_CLASSES, EpisodeInputs, EpisodeSpec
 from helios_eval.episodes.real_detector import equal_but_for_digest
-from helios_eval.episodes.run_conditions import setting_files
 from helios_eval.episodes.service_settings import differing_settings
 from helios_eval.episodes.worker import Skipped
 from helios_eval.provenance import commit, machine, usable_cores
@@ -211,7 +210,7 @@ def check_goes_on(asked: Run, there: Sequence[EpisodeRecord], former: Mapping[st
                     "folder"
                 )
     digest = home_presets.digest_of(asked.preset, asked.inputs.plans)
-    files = setting_files(asked.agents, asked.settings) if there else {}
+    files = played_with.files_of(asked.agents, asked.settings) if there else {}
     for r in there:
         if r.preset == asked.preset and r.preset_hash != digest:
             what, was, now = f"preset {r.preset}", r.preset_hash[:12], digest[:12]

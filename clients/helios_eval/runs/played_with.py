@@ -1,4 +1,5 @@
-"""What a folder's episodes were played with: versions of the libraries, and files of settings.
+"""What a folder's episodes were played with: versions of the libraries, files of settings, and code
+of agents of other packages.
 
 An episode's key does not hold them, so a run that continues a folder compares them.
 """
@@ -13,6 +14,7 @@ from typing import Any
 
 from helios_core.errors import InvalidInput
 
+from helios_eval.episodes.agent_code import agent_code, name_of
 from helios_eval.episodes.episode_record import EpisodeRecord
 from helios_eval.episodes.run_conditions import setting_file_names, setting_files
 from helios_eval.episodes.service_settings import of_stack
@@ -76,16 +78,24 @@ def line_on_versions(
     )
 
 
+def files_of(agents: Sequence[str], settings: Mapping[str, Any]) -> dict[str, str]:
+    """Digests of the files that a request's settings name, and of the code of its agents of other
+    packages, by name. Raises UsageError, and InvalidInput for an agent that cannot be loaded."""
+    return setting_files(agents, settings) | agent_code(agents)
+
+
 def changed_file(
     record: EpisodeRecord, now: Mapping[str, str], run: Mapping[str, Any]
 ) -> tuple[str, str, str] | None:
-    """(setting, digest there, digest here) if a file that the record's settings name has changed.
+    """(what, digest there, digest here) if a file that the record's settings name, or the code of
+    its agent, has changed.
 
-    now: of `setting_files`. run: `run.json` of the record's folder; a file that it lacks counts as
+    now: of `files_of`. run: `run.json` of the record's folder; a file that it lacks counts as
     unchanged.
     """
     before = run.get(FILES, {})
-    for name in setting_file_names(of_stack(record.agent, record.settings)):
+    names = setting_file_names(of_stack(record.agent, record.settings))
+    for name in (*names, name_of(record.agent)):
         was, here = before.get(name), now.get(name)
         if was and here and was != here:
             return f"file of {name}", was, here
@@ -95,7 +105,7 @@ def changed_file(
 def described(
     agents: Sequence[str], settings: Mapping[str, Any], former: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Digests of the files that a request's settings name and of those in the former `run.json`, as
-    an entry of `run.json`; empty without a file. Raises UsageError."""
-    files = former.get(FILES, {}) | setting_files(agents, settings)
+    """Digests of `files_of` and of those in the former `run.json`, as an entry of `run.json`; empty
+    without a file. Raises as `files_of`."""
+    files = former.get(FILES, {}) | files_of(agents, settings)
     return {FILES: files} if files else {}

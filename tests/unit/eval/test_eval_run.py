@@ -373,6 +373,36 @@ def shipped_error_model() -> str:
     return (folder / f"{name}.json").read_text()
 
 
+AGENT = """
+from helios_planner.plugins import exploring_by
+agent = exploring_by(lambda places: places.distance_m)
+"""
+
+
+@pytest.mark.parametrize("is_package", [False, True])
+def test_a_run_refuses_to_resume_if_the_code_of_an_agent_of_another_package_has_changed(
+    is_package: bool, fake_pool: FakePool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No commit covers it, and the record has its name alone."""
+    name = f"agent_of_a_run_{is_package}".lower()
+    monkeypatch.syspath_prepend(tmp_path)
+    changed = tmp_path / f"{name}.py"
+    if is_package:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text(AGENT)
+        changed = tmp_path / name / "rules.py"
+    changed.write_text(AGENT)
+    own = replace(asked(tmp_path / "out", 1), agents=(f"{name}:agent", "helios-paper"))
+    run(own, quiet())
+    run(replace(own, episodes=2), quiet())
+    assert len(fake_pool.played) == 4
+    changed.write_text(AGENT + "# changed\n")
+    run(replace(own, agents=("helios-paper",), episodes=3), quiet())  # it is as it was
+    with pytest.raises(InvalidInput, match=f"another file of agent {name}:agent"):
+        run(replace(own, episodes=3), quiet())
+    assert len(fake_pool.played) == 5
+
+
 def test_runs_with_other_contents_of_a_file_are_not_reported_together(
     fake_pool: FakePool, tmp_path: Path
 ) -> None:
