@@ -87,7 +87,7 @@ def newest_lines(file: Path, count: int) -> tuple[list[str], BinaryIO]:
 
 def new_lines(file: Path, opened: BinaryIO) -> Iterator[str]:
     """Yield each further line, without end. A log that is renamed is read to its end, then the new
-    one from its beginning."""
+    one from its beginning, as is one that was emptied."""
     half = b""
     while True:
         replaced = _is_replaced(file, opened)  # checked first, so that the read below is complete
@@ -97,6 +97,9 @@ def new_lines(file: Path, opened: BinaryIO) -> Iterator[str]:
         if replaced:
             opened.close()
             opened = file.open("rb")
+        elif opened.tell() > os.fstat(opened.fileno()).st_size:
+            opened.seek(0)
+            half = b""
         elif not lines:
             time.sleep(FOLLOW_S)
 

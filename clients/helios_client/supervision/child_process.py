@@ -22,7 +22,7 @@ from helios_client.supervision.forked_process import ENVIRONMENT, ForkedProcess,
 log = logging.getLogger(__name__)
 
 TAIL_BYTES = 4096
-KEEP_LOG_BYTES = 8_000_000  # a larger log is renamed at the next start
+KEEP_LOG_BYTES = 8_000_000  # a larger log becomes the older one, and a new one begins
 USAGE_ERROR = 2  # exit status of wrong use: a restart does not help
 
 
@@ -89,9 +89,10 @@ class ChildProcess:
 
     def poll_exit(self) -> ProcessExit | None:
         """Ending of the process, None while it runs. After the end it kills the rest of the process
-        group."""
+        group. Meanwhile it keeps the log small."""
         status = self._process.poll()
         if status is None:
+            self._limit_log()
             return None
         self._kill_group()
         return ProcessExit(status, last_line(self._log_path, self._log_start))
@@ -114,6 +115,21 @@ class ChildProcess:
             return False
         self._kill_group()
         return True
+
+    def _limit_log(self) -> None:
+        """Move a log that has become large to `.log.1`. The process has it open, so its content is
+        copied and the file emptied; lines that are written meanwhile are lost."""
+        try:
+            if self._log_path.stat().st_size <= KEEP_LOG_BYTES:
+                return
+            older = self._log_path.with_suffix(".log.1")
+            older.unlink(missing_ok=True)  # the disk may have no room for both
+            with contextlib.suppress(OSError):
+                shutil.copyfile(self._log_path, older)
+            os.truncate(self._log_path, 0)
+            self._log_start = 0
+        except OSError:
+            return  # somebody moved the log, or the disk fails: the process goes on
 
     def _kill_group(self) -> None:
         with contextlib.suppress(ProcessLookupError, PermissionError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -93,6 +94,20 @@ def test_logs_are_found_in_another_state_folder(
     assert logs("bridge", "--state", str(elsewhere), capsys=capsys) == ["here"]
     state_file.write([folder.parent], {"state_dir": str(elsewhere)})  # of a running `helios up`
     assert logs("bridge", capsys=capsys) == ["here"]
+
+
+def test_following_continues_in_a_log_that_was_emptied(folder: Path) -> None:
+    file = folder / "planner.log"
+    _, opened = newest_lines(file, 1)
+    lines = new_lines(file, opened)
+    with file.open("a") as log:
+        log.write("one\n")
+        log.flush()
+        assert next(lines) == "one"
+        os.truncate(file, 0)
+        log.write("two\n")
+        log.flush()
+        assert next(lines) == "two"
 
 
 def test_following_continues_across_log_rotation(folder: Path) -> None:

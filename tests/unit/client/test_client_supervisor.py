@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from helios_client.supervision import child_process
 from helios_client.supervision.child_process import ProcessSpec
 from helios_client.supervision.supervisor import STEADY_S, ProcessState, Supervisor, restart_delay_s
 
@@ -177,6 +178,31 @@ def test_the_reason_ignores_log_lines_of_an_earlier_start(bench: Bench) -> None:
     supervisor.start()
     wait_for_ending(supervisor)
     assert supervisor.table()[0].reason == "exit status 3"
+
+
+def test_the_log_of_a_running_process_stays_small_and_its_last_lines_are_kept(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(child_process, "KEEP_LOG_BYTES", 1000)
+    log, older, go = (bench.folder / name for name in ("p0.log", "p0.log.1", "go"))
+    chatty = (
+        "import pathlib, sys, time\n"
+        "print(*(f'line {n}' for n in range(200)), sep=chr(10), flush=True)\n"
+        f"while not pathlib.Path({str(go)!r}).exists(): time.sleep(0.01)\n"
+        "print('the end', flush=True); sys.exit(3)"
+    )
+    supervisor = bench(chatty, restart=False)
+    supervisor.start()
+
+    def emptied() -> bool:
+        supervisor.check()
+        return older.exists() and older.read_text().endswith("line 199\n")
+
+    wait_until(emptied, 60, "the full log has become the older one")
+    go.touch()
+    wait_for_ending(supervisor)
+    assert supervisor.table()[0].reason == "exit status 3; last log line: the end"
+    assert log.read_text() == "the end\n"  # the process goes on at the new end
 
 
 @pytest.mark.parametrize(
