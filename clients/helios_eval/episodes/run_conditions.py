@@ -82,6 +82,8 @@ def parse_condition(
     if sensor not in SENSORS:
         raise UsageError(f"--sensor is {sensor!r}; wanted one of {', '.join(SENSORS)}")
     settings = service_settings.parsed(assignments)
+    if known_semantics != "detector":
+        _check_no_detector(known_semantics, settings)
     if max_steps is not None and max_steps != home_presets.default_steps(preset, known_benchmark):
         settings[episode_spec.MAX_STEPS] = max_steps
     if sensor != "none":
@@ -116,6 +118,16 @@ def _check_no_noise(
         raise UsageError(
             f"{given[0]} has no effect with --semantics {semantics}; leave it out, or take "
             "--semantics noisy"
+        )
+
+
+def _check_no_detector(semantics: str, settings: Mapping[str, Setting]) -> None:
+    """Raise UsageError for a setting of the detector, which other semantics simulate."""
+    of_detector = (name for name in settings if name.startswith("detector."))
+    if given := [name for name in of_detector if name != episode_spec.SCORER]:
+        raise UsageError(
+            f"--set {given[0]} has no effect with --semantics {semantics}; leave it out, or take "
+            "--semantics detector"
         )
 
 

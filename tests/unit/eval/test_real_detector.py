@@ -51,12 +51,12 @@ def model(path: Path, score: float = 0.9) -> Path:
 def condition(detector: str | None, semantics: str = "detector", **more: Any) -> Condition:
     given: dict[str, Any] = {
         "benchmark": "ovmm", "scorer": None, "task_classes": "all", "table": None, "level": 1.0,
-        "correlation": None,
+        "correlation": None, "assignments": [],
     }  # fmt: skip
     given |= more
     return parse_condition(
         ["helios-paper"], given.pop("benchmark"), semantics=semantics, preset="demo-v1",
-        sensor="none", assignments=[], max_steps=None, detector=detector, **given,
+        sensor="none", max_steps=None, detector=detector, **given,
     )  # fmt: skip
 
 
@@ -164,6 +164,14 @@ def test_flags_of_the_simulated_errors_are_refused_where_they_have_no_effect(
     said = f"{flag.strip()} has no effect with --semantics {semantics}"
     with pytest.raises(UsageError, match=said):
         condition(detector, semantics, task_classes="all" if real else None, **given)
+
+
+@pytest.mark.parametrize("semantics", ["noisy", "ground-truth"])
+def test_settings_of_the_detector_are_refused_where_it_is_simulated(semantics: str) -> None:
+    """Else they would make another arm with the same results."""
+    said = f"detector.depth has no effect with --semantics {semantics}"
+    with pytest.raises(UsageError, match=said):
+        condition(None, semantics, task_classes=None, assignments=["depth=none"])
 
 
 # --- the stack ------------------------------------------------------------------------------------
