@@ -41,9 +41,9 @@ from helios_eval.command_options import (
     TaskClasses,
     Why,
 )
-from helios_eval.episodes.episode_record import Benchmark, EpisodeRecord, read
+from helios_eval.episodes.episode_record import EpisodeRecord, read
 from helios_eval.episodes.episode_spec import DEFAULT_PICK_RULE
-from helios_eval.episodes.run_conditions import parse_condition
+from helios_eval.episodes.run_conditions import Condition, parse_condition
 from helios_eval.plan_command import plan
 from helios_eval.provenance import usable_cores
 from helios_eval.report import write_report_of
@@ -90,11 +90,13 @@ def ovmm(
     level: Level = "",
 ) -> None:
     """Open-vocabulary mobile manipulation: move an object from one kind of furniture to another."""
-    _run(
-        "ovmm", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise, noise_level,
-        noise_correlation, sensor, scorer, pick_rule, assignments or [], max_steps, ray, why,
-        absent, detector, task_classes, homes, level,
+    under = parse_condition(
+        _names(agents, "--agents"), "ovmm", semantics=semantics, preset=preset, table=noise,
+        level=noise_level, correlation=noise_correlation, sensor=sensor,
+        assignments=assignments or [], max_steps=max_steps, scorer=scorer, pick_rule=pick_rule,
+        absent=absent, detector=detector, task_classes=task_classes, homes=homes, home_level=level,
     )  # fmt: skip
+    _run(under, picks, episodes, seed0, out=out, jobs=jobs, ray=ray, why=why)
 
 
 @app.command()
@@ -123,11 +125,13 @@ def objectnav(
     level: Level = "",
 ) -> None:
     """Object navigation: find a kind of furniture and stop there. Nothing is picked."""
-    _run(
-        "objectnav", agents, picks, semantics, preset, episodes, seed0, out, jobs, noise,
-        noise_level, noise_correlation, sensor, scorer, pick_rule, assignments or [], max_steps,
-        ray, why, absent, detector, None, homes, level,
+    under = parse_condition(
+        _names(agents, "--agents"), "objectnav", semantics=semantics, preset=preset, table=noise,
+        level=noise_level, correlation=noise_correlation, sensor=sensor,
+        assignments=assignments or [], max_steps=max_steps, scorer=scorer, pick_rule=pick_rule,
+        absent=absent, detector=detector, homes=homes, home_level=level,
     )  # fmt: skip
+    _run(under, picks, episodes, seed0, out=out, jobs=jobs, ray=ray, why=why)
 
 
 @app.command()
@@ -179,38 +183,16 @@ app.command()(plan)
 
 
 def _run(
-    benchmark: Benchmark,
-    agents: str,
+    under: Condition,
     picks: str,
-    semantics: str,
-    preset: str,
     episodes: int,
     seed0: int,
+    *,
     out: Path,
     jobs: int | None,
-    noise: str | None,
-    level: float,
-    correlation: float | None,
-    sensor: str,
-    scorer: str | None,
-    pick_rule: str,
-    assignments: list[str],
-    max_steps: int | None,
     ray: str | None,
     why: str,
-    absent: float = 0.0,
-    detector: str | None = None,
-    task_classes: str | None = None,
-    homes: Path | None = None,
-    home_level: str = "",
 ) -> None:
-    under = parse_condition(
-        _names(agents, "--agents"), benchmark, semantics=semantics, preset=preset, table=noise,
-        level=level, correlation=correlation, sensor=sensor, assignments=assignments,
-        max_steps=max_steps, scorer=scorer, pick_rule=pick_rule,
-        absent=absent, detector=detector, task_classes=task_classes,
-        homes=homes, home_level=home_level,
-    )  # fmt: skip
     try:
         limits = tuple(results.picks_of(p) for p in _names(picks, "--picks"))
     except InvalidInput as error:

@@ -8,21 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from helios_sim.failure_causes import CAUSES
+
 from helios_eval import palette
 
-CAUSES = (
-    "object not found",
-    "receptacle not found",
-    "wrong object believed",
-    "pick failed",
-    "collision",
-    "place missed",
-    "object rolled off",
-    "stuck",
-    "step budget",
-    "system error",
-    "goal unreachable",
-)  # closed list; same as `helios_planner.task.Cause`
 SUCCESS = "success"
 
 
@@ -53,7 +42,6 @@ _CAUSE_COLOURS: dict[str, Colour] = dict(
             Colour("c-stuck", "#8a8f98", "#8b9099"),
             Colour("c-budget", "#332288", "#6a5fd0"),
             Colour("c-system", "#222831", "#f2f4f7"),
-            Colour("c-unreachable", "#661100", "#a5563f"),
         ),
         strict=True,
     )

@@ -32,7 +32,7 @@ OWN_FACT = (
     DETECTOR,
     TASK_CLASSES,
 )  # settings that a fact of their own names
-PICK_RULES = {
+PICK_RULE_TEXTS = {
     "physical": "a pick takes what lies at the point",
     "ovmm": "a pick fails where nothing of the sought class is in reach and in view",
 }
@@ -272,7 +272,7 @@ def _noise(records: Sequence[EpisodeRecord]) -> list[tuple[str, str]]:
 def _pick_rules(arms: Sequence[Arm]) -> list[tuple[str, str]]:
     """Fact on the pick rule; none without a benchmark that picks."""
     rules = dict.fromkeys(a.pick_rule for a in arms if a.benchmark == "ovmm")
-    described = [f"{rule}: {PICK_RULES[rule]}" if rule in PICK_RULES else rule for rule in rules]
+    described = [": ".join(filter(None, (rule, PICK_RULE_TEXTS.get(rule)))) for rule in rules]
     return [("pick rule", "; ".join(described))] if rules else []
 
 

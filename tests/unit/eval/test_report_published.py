@@ -200,7 +200,7 @@ def test_pairs_use_only_homes_that_both_agents_played():
 def test_every_failure_cause_has_its_own_colour():
     from helios_eval.report import colors
 
-    assert set(colors.CAUSES) == {c.value for c in Cause}
+    assert {*colors.CAUSES, Cause.UNREACHABLE} == {c.value for c in Cause}
     assert (
         len({colors.of_cause(c).light for c in ("", *colors.CAUSES, "unknown")})
         == len(colors.CAUSES) + 2
