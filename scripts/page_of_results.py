@@ -345,23 +345,29 @@ def _answers(found: Sequence[Arm]) -> str:
 
 
 def relations() -> str:
-    """Table of the ratios that the paper claims, with ours over the same homes."""
-    compared = paper_comparison.relations(_complete())
-    if compared is None:
-        return NONE_COMPLETE
+    """Table of the ratios that the paper claims, with ours over the same homes, by each rule of a
+    pick; object navigation has none."""
+    by_rule: dict[str, list[Arm]] = {"ovmm": [], "physical": []}
+    for arm in _complete():
+        by_rule[arm.pick_rule].append(arm)
     rows: list[list[str]] = []
-    for row in compared.rows:
-        claim, paper, ours, homes, verdict = row.cells
-        rows.append(
-            [
-                claim.text,
-                f"{paper.text} ({paper.note})",
-                f"{ours.text} {_plain(ours.note)}",
-                homes.text,
-                verdict.text,
-            ]
-        )
-    return table(["ratio of", "paper", "ours", "homes", "verdict"], rows)
+    for rule, found in by_rule.items():
+        compared = paper_comparison.relations(found)
+        for row in compared.rows if compared is not None else ():
+            claim, paper, ours, homes, verdict = row.cells
+            rows.append(
+                [
+                    claim.text,
+                    "–" if "VLFM" in claim.text else f"`{rule}`",
+                    f"{paper.text} ({paper.note})",
+                    f"{ours.text} {_plain(ours.note)}",
+                    homes.text,
+                    verdict.text,
+                ]
+            )
+    if not rows:
+        return NONE_COMPLETE
+    return table(["ratio of", "pick rule", "paper", "ours", "homes", "verdict"], rows)
 
 
 def _complete() -> list[Arm]:

@@ -102,7 +102,7 @@ class Settings(ServiceSettings):
     max_steps: int = Field(
         default=1250,
         ge=1,
-        description="most actions of a task that sets no limit itself; the paper's budget",
+        description="most actions of a task that sets no limit itself; the paper names no number",
     )
 
     agent: AgentSetting = Field(

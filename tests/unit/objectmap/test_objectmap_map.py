@@ -37,8 +37,8 @@ def seen_from(places, boxes=SCENE, start=0, **kw):
     ]
 
 
-def built(observations, context=CONTEXT) -> ObjectMap:
-    objects = ObjectMap(SETTINGS)
+def built(observations, context=CONTEXT, settings=SETTINGS) -> ObjectMap:
+    objects = ObjectMap(settings)
     for o in observations:
         objects.update(o, context)
     return objects
@@ -83,6 +83,31 @@ def test_two_mugs_0_3_m_apart_are_two_objects():
     objects = built(seen_from(AROUND, (*ROOM, mug_at(1.2, -0.15), mug_at(1.2, 0.15))))
     centers = sorted(m.center_m[1] for m in of_class(objects, "mug"))
     assert centers == pytest.approx([-0.15, 0.15], abs=0.03)
+
+
+def test_with_the_printed_voxels_two_mugs_0_3_m_apart_are_one_object():
+    printed = SETTINGS.model_copy(update={"object_voxel_m": 0.5})
+    mugs = (mug_at(1.2, -0.15), mug_at(1.2, 0.15))
+    objects = built(seen_from(AROUND, (*ROOM, *mugs)), settings=printed)
+    (mug,) = of_class(objects, "mug")
+    assert mug.center_m[1] == pytest.approx(0.0, abs=0.05)
+
+
+def test_a_new_gaussian_is_a_pixel_wide_and_almost_opaque():
+    objects = built(seen_from(AROUND[:1]))
+    store = objects.content().store
+    (first,) = seen_from(AROUND[:1])
+    depth_m = np.linalg.inv(first.frame.T_world_cam)[2] @ np.c_[store.means, store.radius_m**0].T
+    np.testing.assert_allclose(store.radius_m, depth_m / first.frame.camera.fx, rtol=1e-3)
+    np.testing.assert_allclose(store.opacity, 0.99, rtol=1e-6)
+
+
+def test_by_the_printed_rule_views_from_one_place_add_evidence():
+    """By ours, standing still changes no score."""
+    views = seen_from(2 * AROUND[:1])
+    for rule, count in (("full", 2), ("by-difference", 1)):
+        objects = built(views, settings=SETTINGS.model_copy(update={"view_weights": rule}))
+        assert [mug.views for mug in of_class(objects, "mug")] == [count]
 
 
 def test_standing_still_changes_no_score_and_adds_no_gaussians():
