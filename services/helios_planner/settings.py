@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
@@ -30,7 +29,7 @@ def _with_class(prompt: str) -> str:
 
 def _clearances(margins_m: tuple[float, ...]) -> tuple[float, ...]:
     """The margins themselves. Raises ValueError for none, or for one that is no distance."""
-    if not margins_m or not all(0 <= m < math.inf for m in margins_m):
+    if not margins_m or min(margins_m) < 0:
         raise ValueError(
             f"the margins are {list(margins_m)} m; wanted at least one, each 0 m or more, such as "
             "[0.08, 0.05, 0.025]"
@@ -367,6 +366,6 @@ def for_task(settings: Settings, own: Mapping[str, str]) -> Settings:
         ) from error
     for name, text in own.items():
         value = getattr(made, name)
-        if isinstance(value, int | float) and not abs(value) <= MOST:  # neither is "not a number"
+        if isinstance(value, int | float) and abs(value) > MOST:
             raise InvalidInput(f"{name} is {text!r:.80}; wanted a number of at most {MOST:.0f}")
     return made

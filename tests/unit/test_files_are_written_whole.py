@@ -43,6 +43,8 @@ ELSEWHERE = {
     ("services/helios_gateway/audit_log.py", "os.open"): (1, LINES),
     ("clients/helios_client/supervision/state_file.py", "open"): (1, LOCK),
     ("clients/helios_client/supervision/child_process.py", "open"): (1, LOG),
+    ("clients/helios_client/supervision/child_process.py", "copyfile"): (1, LOG),
+    ("clients/helios_eval/runs/process_pool.py", "open"): (1, LOCK),
     ("clients/helios_client/supervision/fork_server.py", "os.open"): (1, LOG),
     ("clients/helios_eval/demo.py", "open"): (1, LOG),
     ("clients/helios_eval/run_folder.py", "open"): (1, LOCK),

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from helios_client import cli
 from helios_client.usage_errors import UsageError
-from helios_core.errors import InvalidInput
+from helios_core.errors import InvalidInput, Unavailable
 from helios_eval.episodes.episode_player import play
 from helios_eval.episodes.episode_record import Benchmark, Setting
 from helios_eval.episodes.episode_spec import WALKER, EpisodeSpec
@@ -78,7 +78,7 @@ def test_a_folder_of_plans_takes_turns(tmp_path: Path) -> None:
     before = homes.digest
     write_plan(first, (TWO_ROOMS, room("Bath", LEFT)))
     assert plan_homes(tmp_path).digest != before
-    with pytest.raises(InvalidInput, match="no longer the file"):
+    with pytest.raises(Unavailable, match="no longer the file"):
         homes.home_of(2)
 
 
