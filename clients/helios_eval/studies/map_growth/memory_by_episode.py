@@ -160,7 +160,8 @@ class Memory:
 
 def ratio(mb: Mapping[str, NDArray[np.float64]]) -> Interval:
     """Full scene over objects only: highest means, with a 95 % bootstrap interval over episodes."""
-    return paired_ratio(*(of[:, of.mean(axis=0).argmax()] for of in (mb[ALL], mb[FEW])))
+    full, few = (of[:, of.mean(axis=0).argmax()] for of in (mb[ALL], mb[FEW]))
+    return paired_ratio(full, few)
 
 
 def write(folder: Path, records: Sequence[EpisodeGrowth], request: Request) -> None:
