@@ -124,8 +124,10 @@ class ChildProcess:
                 return
             older = self._log_path.with_suffix(".log.1")
             older.unlink(missing_ok=True)  # the disk may have no room for both
-            with contextlib.suppress(OSError):
+            try:
                 shutil.copyfile(self._log_path, older)
+            except OSError as error:
+                log.warning("the older lines of %s are lost: %s", self._log_path, error)
             os.truncate(self._log_path, 0)
             self._log_start = 0
         except OSError:

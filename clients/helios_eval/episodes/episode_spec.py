@@ -93,8 +93,8 @@ class EpisodeSpec:
         """True if a part of the stack may read the color image: a real detector, a scorer that
         looks at it, or an agent of another package.
         """
-        kind = scorer_of(self.settings).partition(":")[0]
-        reads_no_pixels = kind in (SIMULATED.rstrip(":"), REAL_SCORER)
+        scorer = scorer_of(self.settings)
+        reads_no_pixels = scorer.startswith(SIMULATED) or scorer == REAL_SCORER
         own_agent = self.agent in (*planner_agents(), WALKER)
         return self.semantics == "detector" or not (reads_no_pixels and own_agent)
 

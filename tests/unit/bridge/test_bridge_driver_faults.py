@@ -226,7 +226,8 @@ def test_an_image_with_a_field_of_a_wrong_type_or_value_is_refused(
 
 
 def test_an_image_with_numbers_of_numpy_is_published() -> None:
-    camera = Pinhole(*(np.float32(v) for v in (8, 8, 8, 6)), np.int64(16), np.int64(12))  # type: ignore[arg-type]
+    numbers: list[Any] = [*(np.float32(v) for v in (8, 8, 8, 6)), np.int64(16), np.int64(12)]
+    camera = Pinhole(*numbers)
     robot = Misbehaving()
     robot.gives["capture"] = replace(LineRobot().capture(), camera=camera, stamp_ns=np.int64(7))
     stage = Stage(robot)
