@@ -72,7 +72,11 @@ RUNS = (
     Run("table-1-ovmm-picks", "Table 1 by the benchmark's rule of a pick", "table-1", 3),
     Run("table-4-ovmm-picks", "Table 4 by the benchmark's rule of a pick", "table-4", 2),
 )
-BY_PICKS = ("table-1", "table-1-ovmm-picks")
+PRINTED = (  # Table 1 by the agents as they are printed, in other homes
+    Run("table-1-printed-ovmm", "By the benchmark's rule of a pick", arms=3),
+    Run("table-1-printed", "If a wrong pick takes what lies there", "table-1-printed-ovmm", 3),
+)
+BY_PICKS = ("table-1", "table-1-ovmm-picks", "table-1-printed-ovmm", "table-1-printed")
 OURS = Run("our-agent", "helios and the paper's agents", arms=3)
 JUDGE = (
     Run("judge", "One object in four is not in the home", arms=3),
@@ -108,6 +112,11 @@ def tables() -> str:
     return "\n".join(f"#### {run.title}\n\n{_of_run(run)}" for run in RUNS)
 
 
+def printed() -> str:
+    """A table of means for each run of Table 1 by the agents as they are printed."""
+    return "\n".join(f"### {run.title}\n\n{_of_run(run)}" for run in PRINTED)
+
+
 def judge() -> str:
     """A table of means for each run of the judge."""
     return "\n".join(f"### {run.title}\n\n{_of_run(run)}" for run in JUDGE)
@@ -132,7 +141,7 @@ def _of_run(run: Run) -> str:
     if answers := absent_targets.table(found):
         blocks.insert(0, "Tasks whose object is in the home:\n")
         blocks += ["All tasks:\n", present_and_absent(answers)]
-    base = next((r for r in (*RUNS, *JUDGE) if r.folder == run.base), None)
+    base = next((r for r in (*RUNS, *PRINTED, *JUDGE) if r.folder == run.base), None)
     if base is not None and is_complete(base):
         blocks.append(beside(found, arms(base.folder)))
         if told := _other_code(found, arms(base.folder)):
@@ -346,34 +355,46 @@ def _answers(found: Sequence[Arm]) -> str:
 
 def relations() -> str:
     """Table of the ratios that the paper claims, with ours over the same homes, by each rule of a
-    pick; object navigation has none."""
-    by_rule: dict[str, list[Arm]] = {"ovmm": [], "physical": []}
-    for arm in _complete():
-        by_rule[arm.pick_rule].append(arm)
+    pick; object navigation has none. Ratios of Table 1 are of the agents as they are printed, once
+    those runs are complete."""
+    printed_arms, others = _complete(PRINTED), _complete()
     rows: list[list[str]] = []
-    for rule, found in by_rule.items():
-        compared = paper_comparison.relations(found)
-        for row in compared.rows if compared is not None else ():
-            claim, paper, ours, homes, verdict = row.cells
-            rows.append(
-                [
-                    claim.text,
-                    "–" if "VLFM" in claim.text else f"`{rule}`",
-                    f"{paper.text} ({paper.note})",
-                    f"{ours.text} {_plain(ours.note)}",
-                    homes.text,
-                    verdict.text,
-                ]
-            )
+    for rule in ("ovmm", "physical"):
+        found: dict[str, list[str]] = {}
+        for arms_of_runs in (printed_arms, others):
+            of_rule = [arm for arm in arms_of_runs if arm.pick_rule == rule]
+            for row in _relations(of_rule):
+                found.setdefault(row[0], row)
+        rows += found.values()
     if not rows:
         return NONE_COMPLETE
     return table(["ratio of", "pick rule", "paper", "ours", "homes", "verdict"], rows)
 
 
-def _complete() -> list[Arm]:
+def _relations(found: Sequence[Arm]) -> list[list[str]]:
+    """Rows of the ratios between some arms of one rule of a pick."""
+    compared = paper_comparison.relations(found)
+    rows: list[list[str]] = []
+    for row in compared.rows if compared is not None else ():
+        claim, paper, ours, homes, verdict = row.cells
+        first = min(record.seed for arm in found for record in arm.records)
+        rows.append(
+            [
+                claim.text,
+                "–" if "VLFM" in claim.text else f"`{found[0].pick_rule}`",
+                f"{paper.text} ({paper.note})",
+                f"{ours.text} {_plain(ours.note)}",
+                f"{first}–{first + int(homes.text) - 1}",
+                verdict.text,
+            ]
+        )
+    return rows
+
+
+def _complete(runs: Sequence[Run] = RUNS) -> list[Arm]:
     """Arms of all runs that are complete; of arms that were played twice, the first."""
     found: dict[Identity, Arm] = {}
-    for run in filter(is_complete, RUNS):
+    for run in filter(is_complete, runs):
         for arm in arms(run.folder):
             found.setdefault(arm.identity, arm)
     return list(found.values())
@@ -406,6 +427,7 @@ def _blocks() -> list[Block]:
     return [
         block(RESULTS / "README.md", "our agent", our_agent),
         block(RESULTS / "README.md", "judge", judge),
+        block(RESULTS / "README.md", "table 1 as printed", printed),
         block(RESULTS / "README.md", "tables of the paper", tables),
         block(RESULTS / "README.md", "paired differences", differences),
         block(RESULTS / "README.md", "relations", relations),
