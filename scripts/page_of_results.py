@@ -302,9 +302,29 @@ def means(found: Sequence[Arm]) -> str:
 
 
 def pick_and_place() -> str:
-    """Table of means of Tables 1 and 4."""
-    found = [run for run in RUNS if run.folder in ("table-1", "table-4") and is_complete(run)]
-    return means([arm for run in found for arm in arms(run.folder)])
+    """Tables of means of Table 1 by each rule of a pick; then those of the agents that were played
+    in other homes alone, and of Table 4."""
+    blocks: list[str] = []
+    played: set[str] = set()
+    for run in filter(is_complete, PRINTED):
+        found = arms(run.folder)
+        played |= {arm.agent for arm in found}
+        blocks += [f"{run.title}, homes {_range(found)}:\n", means(found)]
+    rest = [
+        arm
+        for run in RUNS
+        if run.folder in ("table-1", "table-4") and is_complete(run)
+        for arm in arms(run.folder)
+        if run.folder == "table-4" or arm.agent not in played
+    ]
+    blocks += [f"Other agents and ground-truth semantics, homes {_range(rest)}:\n", means(rest)]
+    return "\n".join(blocks)
+
+
+def _range(found: Sequence[Arm]) -> str:
+    """First and last home of some arms."""
+    seeds = [record.seed for arm in found for record in arm.records]
+    return f"{min(seeds)}–{max(seeds)}"
 
 
 def object_navigation() -> str:

@@ -64,3 +64,25 @@ def test_a_difference_between_scorers_names_both() -> None:
     settings = (("detector.scorer", "simulated:itc-exact"),)
     exact = replace(first, settings=settings)
     assert f"`{exact.scorer}` − `{first.scorer}`" in page_of_results.beside([exact], [first])
+
+
+@pytest.mark.parametrize("rule", ["ovmm", "physical"])
+def test_ratios_of_table_1_are_of_the_agents_as_printed(rule: str) -> None:
+    rows = [
+        row
+        for row in page_of_results.relations().splitlines()
+        if "(Table 1)" in row and f"`{rule}`" in row
+    ]
+    assert len(rows) == 6
+    assert all("3000–3199" in row for row in rows)
+
+
+def test_ratios_of_table_1_are_of_earlier_agents_while_a_run_is_being_played(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    whole = page_of_results.arms
+    monkeypatch.setattr(
+        page_of_results, "arms", lambda folder: () if "printed" in folder else whole(folder)
+    )
+    assert "3000–3199" not in page_of_results.relations()
+    assert page_of_results.relations().count("(Table 1)") == 12
