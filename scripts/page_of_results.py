@@ -41,6 +41,7 @@ from scripts.markdown_tables import DOCS, Block, code, table, write_or_check
 
 SCRIPT = "scripts/page_of_results.py"
 RESULTS = DOCS / "results"
+EARLIER_PAGE = RESULTS / "earlier-helios-paper.md"
 BRACKETS = str.maketrans("[]", "()")
 PICK_LIMITS = {"SR, 5 picks": 5, "SR, 1 pick": 1}
 NONE_COMPLETE = "No run is complete.\n"
@@ -62,19 +63,33 @@ class Run:
         return RESULTS / self.folder
 
 
-RUNS = (
-    Run("table-1", "Table 1: components and baselines", arms=6),
+PAPER = (  # the paper's tables, by the agents as they are printed
+    Run("table-1-printed-ovmm", "Table 1: by the benchmark's rule of a pick", arms=3),
+    Run(
+        "table-1-printed",
+        "Table 1: if a wrong pick takes what lies there",
+        "table-1-printed-ovmm",
+        3,
+    ),
     Run("table-2", "Table 2: object navigation", arms=4),
+    Run("table-4-printed", "Table 4: ground-truth semantics", arms=2),
+    Run(
+        "table-4-printed-ovmm",
+        "Table 4 by the benchmark's rule of a pick",
+        "table-4-printed",
+        2,
+    ),
+    Run("table-5-printed", "Table 5: assumption of the information gain", "table-1-printed"),
+    Run("tables-6-8-printed", "Tables 6 to 8: sensitivity", "table-1-printed", 7),
+    Run("realistic-sensor", "Errors of the camera and drift of the pose", "realistic-sensor", 4),
+)
+EARLIER = (  # the same tables by an earlier `helios-paper`, in other homes
+    Run("table-1", "Table 1: components and baselines", arms=6),
     Run("table-4", "Table 4: ground-truth semantics", arms=2),
     Run("table-5", "Table 5: assumption of the information gain", "table-1"),
     Run("tables-6-8", "Tables 6 to 8: sensitivity", "table-1", 7),
-    Run("realistic-sensor", "Errors of the camera and drift of the pose", "realistic-sensor", 4),
     Run("table-1-ovmm-picks", "Table 1 by the benchmark's rule of a pick", "table-1", 3),
     Run("table-4-ovmm-picks", "Table 4 by the benchmark's rule of a pick", "table-4", 2),
-)
-PRINTED = (  # Table 1 by the agents as they are printed, in other homes
-    Run("table-1-printed-ovmm", "By the benchmark's rule of a pick", arms=3),
-    Run("table-1-printed", "If a wrong pick takes what lies there", "table-1-printed-ovmm", 3),
 )
 BY_PICKS = ("table-1", "table-1-ovmm-picks", "table-1-printed-ovmm", "table-1-printed")
 OURS = Run("our-agent", "helios and the paper's agents", arms=3)
@@ -107,14 +122,9 @@ def _asked(folder: str) -> dict[Identity, set[int]]:
     return seeds_asked(run_of(RESULTS / folder))
 
 
-def tables() -> str:
+def tables(runs: Sequence[Run]) -> str:
     """A table of means for each run."""
-    return "\n".join(f"#### {run.title}\n\n{_of_run(run)}" for run in RUNS)
-
-
-def printed() -> str:
-    """A table of means for each run of Table 1 by the agents as they are printed."""
-    return "\n".join(f"### {run.title}\n\n{_of_run(run)}" for run in PRINTED)
+    return "\n".join(f"#### {run.title}\n\n{_of_run(run)}" for run in runs)
 
 
 def judge() -> str:
@@ -141,7 +151,7 @@ def _of_run(run: Run) -> str:
     if answers := absent_targets.table(found):
         blocks.insert(0, "Tasks whose object is in the home:\n")
         blocks += ["All tasks:\n", present_and_absent(answers)]
-    base = next((r for r in (*RUNS, *PRINTED, *JUDGE) if r.folder == run.base), None)
+    base = next((r for r in (*PAPER, *EARLIER, *JUDGE) if r.folder == run.base), None)
     if base is not None and is_complete(base):
         blocks.append(beside(found, arms(base.folder)))
         if told := _other_code(found, arms(base.folder)):
@@ -305,18 +315,16 @@ def pick_and_place() -> str:
     """Tables of means of Table 1 by each rule of a pick; then those of the agents that were played
     in other homes alone, and of Table 4."""
     blocks: list[str] = []
+    rest: list[Arm] = []
     played: set[str] = set()
-    for run in filter(is_complete, PRINTED):
-        found = arms(run.folder)
-        played |= {arm.agent for arm in found}
-        blocks += [f"{run.title}, homes {_range(found)}:\n", means(found)]
-    rest = [
-        arm
-        for run in RUNS
-        if run.folder in ("table-1", "table-4") and is_complete(run)
-        for arm in arms(run.folder)
-        if run.folder == "table-4" or arm.agent not in played
-    ]
+    for run in PAPER[:2]:
+        if is_complete(run):
+            found = arms(run.folder)
+            played |= {arm.agent for arm in found}
+            title = run.title.removeprefix("Table 1: ").capitalize()
+            blocks += [f"{title}, homes {_range(found)}:\n", means(found)]
+    for run in filter(is_complete, EARLIER[:2]):
+        rest += [a for a in arms(run.folder) if a.semantics != "noisy" or a.agent not in played]
     blocks += [f"Other agents and ground-truth semantics, homes {_range(rest)}:\n", means(rest)]
     return "\n".join(blocks)
 
@@ -329,7 +337,7 @@ def _range(found: Sequence[Arm]) -> str:
 
 def object_navigation() -> str:
     """Table of means of Table 2."""
-    run = next(run for run in RUNS if run.folder == "table-2")
+    run = next(run for run in PAPER if run.folder == "table-2")
     return means(arms(run.folder)) if is_complete(run) else "Not played yet.\n"
 
 
@@ -340,8 +348,18 @@ def our_agent() -> str:
 
 
 def differences() -> str:
-    """Table of the answers to the questions of the runs."""
-    return _answers(_complete())
+    """Tables of the answers to the questions of the runs, by each rule of a pick."""
+    blocks: list[str] = []
+    for rule in ("ovmm", "physical"):
+        answers = _answers([arm for arm in _complete(PAPER) if arm.pick_rule == rule])
+        if answers != NONE_COMPLETE:
+            blocks.append(f"Pick rule `{rule}`:\n\n{answers}")
+    return "\n".join(blocks) or NONE_COMPLETE
+
+
+def earlier_differences() -> str:
+    """Table of the answers of the earlier runs, with the pick rule of most of them."""
+    return _answers(_complete(EARLIER))
 
 
 def _answers(found: Sequence[Arm]) -> str:
@@ -375,9 +393,9 @@ def _answers(found: Sequence[Arm]) -> str:
 
 def relations() -> str:
     """Table of the ratios that the paper claims, with ours over the same homes, by each rule of a
-    pick; object navigation has none. Ratios of Table 1 are of the agents as they are printed, once
-    those runs are complete."""
-    printed_arms, others = _complete(PRINTED), _complete()
+    pick; object navigation has none. Ratios are of the agents as they are printed, once those runs
+    are complete."""
+    printed_arms, others = _complete(PAPER), _complete(EARLIER)
     rows: list[list[str]] = []
     for rule in ("ovmm", "physical"):
         found: dict[str, list[str]] = {}
@@ -411,7 +429,7 @@ def _relations(found: Sequence[Arm]) -> list[list[str]]:
     return rows
 
 
-def _complete(runs: Sequence[Run] = RUNS) -> list[Arm]:
+def _complete(runs: Sequence[Run]) -> list[Arm]:
     """Arms of all runs that are complete; of arms that were played twice, the first."""
     found: dict[Identity, Arm] = {}
     for run in filter(is_complete, runs):
@@ -447,10 +465,11 @@ def _blocks() -> list[Block]:
     return [
         block(RESULTS / "README.md", "our agent", our_agent),
         block(RESULTS / "README.md", "judge", judge),
-        block(RESULTS / "README.md", "table 1 as printed", printed),
-        block(RESULTS / "README.md", "tables of the paper", tables),
+        block(RESULTS / "README.md", "tables of the paper", lambda: tables(PAPER)),
         block(RESULTS / "README.md", "paired differences", differences),
         block(RESULTS / "README.md", "relations", relations),
+        block(EARLIER_PAGE, "tables of the earlier agent", lambda: tables(EARLIER)),
+        block(EARLIER_PAGE, "paired differences of the earlier agent", earlier_differences),
         block(RESULTS / "beside-the-field.md", "pick and place", pick_and_place),
         block(RESULTS / "beside-the-field.md", "object navigation", object_navigation),
         block(RESULTS / "beside-the-field.md", "relations", relations),
