@@ -400,9 +400,10 @@ def relations() -> str:
     for rule in ("ovmm", "physical"):
         found: dict[str, list[str]] = {}
         for arms_of_runs in (printed_arms, others):
-            of_rule = [arm for arm in arms_of_runs if arm.pick_rule == rule]
-            for row in _relations(of_rule):
-                found.setdefault(row[0], row)
+            for benchmark in ("ovmm", "objectnav"):
+                same = [a for a in arms_of_runs if (a.pick_rule, a.benchmark) == (rule, benchmark)]
+                for row in _relations(same):
+                    found.setdefault(row[0], row)
         rows += found.values()
     if not rows:
         return NONE_COMPLETE
@@ -410,7 +411,8 @@ def relations() -> str:
 
 
 def _relations(found: Sequence[Arm]) -> list[list[str]]:
-    """Rows of the ratios between some arms of one rule of a pick."""
+    """Rows of the ratios between some arms of one benchmark and one rule of a pick, which were
+    played from one home on."""
     compared = paper_comparison.relations(found)
     rows: list[list[str]] = []
     for row in compared.rows if compared is not None else ():
@@ -430,11 +432,13 @@ def _relations(found: Sequence[Arm]) -> list[list[str]]:
 
 
 def _complete(runs: Sequence[Run]) -> list[Arm]:
-    """Arms of all runs that are complete; of arms that were played twice, the first."""
+    """Arms of all runs that are complete, without errors of the sensors; of arms that were played
+    twice, the first."""
     found: dict[Identity, Arm] = {}
     for run in filter(is_complete, runs):
         for arm in arms(run.folder):
-            found.setdefault(arm.identity, arm)
+            if not dict(arm.settings).get(SENSOR):
+                found.setdefault(arm.identity, arm)
     return list(found.values())
 
 
