@@ -122,9 +122,9 @@ def _asked(folder: str) -> dict[Identity, set[int]]:
     return seeds_asked(run_of(RESULTS / folder))
 
 
-def tables(runs: Sequence[Run]) -> str:
-    """A table of means for each run."""
-    return "\n".join(f"#### {run.title}\n\n{_of_run(run)}" for run in runs)
+def tables(runs: Sequence[Run], level: str = "####") -> str:
+    """A table of means for each run, under headings of one level."""
+    return "\n".join(f"{level} {run.title}\n\n{_of_run(run)}" for run in runs)
 
 
 def judge() -> str:
@@ -472,7 +472,7 @@ def _blocks() -> list[Block]:
         block(RESULTS / "README.md", "tables of the paper", lambda: tables(PAPER)),
         block(RESULTS / "README.md", "paired differences", differences),
         block(RESULTS / "README.md", "relations", relations),
-        block(EARLIER_PAGE, "tables of the earlier agent", lambda: tables(EARLIER)),
+        block(EARLIER_PAGE, "tables of the earlier agent", lambda: tables(EARLIER, "###")),
         block(EARLIER_PAGE, "paired differences of the earlier agent", earlier_differences),
         block(RESULTS / "beside-the-field.md", "pick and place", pick_and_place),
         block(RESULTS / "beside-the-field.md", "object navigation", object_navigation),
