@@ -46,10 +46,10 @@ lint: $(VENV)/.installed ## format, lint, types, import rules, generated files
 	$(BIN)/python -m scripts.generate_sdk --check
 
 test: install browser ## the tests, without the long ones
-	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow and not long"
+	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --max-worker-restart 0 -m "not slow and not long"
 
 check: install browser lint ## everything that CI runs: lint and all tests but the slow ones
-	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow"
+	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --max-worker-restart 0 -m "not slow"
 
 docs: $(VENV)/.installed ## the documentation as a site, in site/index.html
 	$(BIN)/sphinx-build -W --keep-going -q -d .sphinx docs site
