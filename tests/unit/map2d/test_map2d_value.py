@@ -63,6 +63,7 @@ def fused(
 
 @settings(max_examples=6, deadline=None)
 @example([(0.90625, 0.0), (0.0, 0.0), (0.1953125, 1.0)])  # one rim crosses the others' cones
+@example([(0.0, 0.0), (1e-05, 0.0), (0.0, 1.0)])  # confidences that differ by rounding alone
 @given(st.lists(st.tuples(ANGLES, st.floats(-1, 1)), min_size=1, max_size=3))
 def test_fusion_equals_vlfms_formula_for_a_level_camera(looks: list[tuple[float, float]]) -> None:
     layers = ValueLayers(GRID, ValueRules())
@@ -70,16 +71,19 @@ def test_fusion_equals_vlfms_formula_for_a_level_camera(looks: list[tuple[float,
     value, confidence = np.zeros(GRID.shape), np.zeros(GRID.shape)
     # Both may differ on the rim of each cone, where a cell's centre falls beside the last pixel.
     rim = np.zeros(GRID.shape, bool)
+    # A low confidence that equals the old one to rounding may count in one and not in the other.
+    undecided = np.zeros(GRID.shape, bool)
     for yaw, score in looks:
         view, alone = seen_from(2.0, 1.5, yaw), ValueLayers(GRID, ValueRules())
         cone = vlfm_cone(view, 2.0, 1.5, yaw)
         alone.reset(("pick",))
         alone.integrate(cone_of(view), {"pick": score})
         rim |= (alone.layers["pick"].confidence > 0) != (cone > 0)
+        undecided |= (cone < 0.35 + 1e-5) & (abs(cone - confidence) < 1e-5)
         layers.integrate(cone_of(view), {"pick": score})
         value, confidence = fused(value, confidence, cone, score)
     got = layers.layers["pick"]
-    both = (got.confidence > 0) & (confidence > 0) & ~rim
+    both = (got.confidence > 0) & (confidence > 0) & ~rim & ~undecided
     assert rim.sum() <= 0.06 * both.sum() * len(looks)
     off = abs(got.confidence - confidence)[both] > 1e-4
     assert off.mean() <= 0.05
