@@ -7,6 +7,8 @@ PORT ?= 8080
 JOBS ?= 3
 VENV := .venv
 BIN := $(VENV)/bin
+# --max-worker-restart 0: otherwise the run hangs after a worker has crashed.
+TEST = $(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 KERNELS := $(shell grep -rl --include='*.py' numba services)
 export MUJOCO_GL ?= egl
 # The services are hundreds of processes in the tests: each would compile all its modules again.
@@ -46,10 +48,10 @@ lint: $(VENV)/.installed ## format, lint, types, import rules, generated files
 	$(BIN)/python -m scripts.generate_sdk --check
 
 test: install browser ## the tests, without the long ones
-	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --max-worker-restart 0 -m "not slow and not long"
+	$(TEST) -m "not slow and not long"
 
 check: install browser lint ## everything that CI runs: lint and all tests but the slow ones
-	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --max-worker-restart 0 -m "not slow"
+	$(TEST) -m "not slow"
 
 docs: $(VENV)/.installed ## the documentation as a site, in site/index.html
 	$(BIN)/sphinx-build -W --keep-going -q -d .sphinx docs site
